@@ -1,6 +1,6 @@
-"""What ``eutree learn`` is given: the method with its choices, and the same again when it goes on.
+"""The arguments of ``eutree learn``: a method with its settings, and the same again on resuming.
 
-A run goes on from its folder alone: what its command was given is kept there, and given again. A
+A run goes on from its folder alone: the arguments of its command are kept there, and given again. A
 module to import, an address to work at and a folder elsewhere to write are the user's own choice
 each time, and of an environment's arguments those that no file may choose; the line that is printed
 when a run is interrupted has them.
@@ -27,17 +27,17 @@ if TYPE_CHECKING:
     from eutree.schema import EnvironmentSpec
 
 KEPT = "command.json"
-# Asked for each time: none changes what a run learns.
+# Asked for each time: none changes the result of a run.
 _EACH_TIME = {"out", "resume", "as_json", "list_settings", "checkpoint_seconds", "n_jobs"}
 _USERS_OWN = {"import", "backend", "address", "tensorboard"}
 _NAMED = {"teacher", "against"}  # a file, a scripted expert, or MODULE:NAME
 
 _ENV_ARG = "env_arguments"
-# In click's context: what is given on the line, and which of the environment's arguments is not.
+# In click's context: the arguments on the line, and the environment's that come from the file.
 _GIVEN, _FROM_FILE = "eutree.given", "eutree.from_file"
 
-Arguments = dict[str, list[str]]  # what was given for each parameter, by its name
-# What to turn first, by method; the order is that of what was found to matter most.
+Arguments = dict[str, list[str]]  # the texts given for each parameter, by its name
+# The settings to change first, by method; those found to matter most come first.
 FIRST = {
     "planning": ("planner.improvement.price", "planner.explorer_share", "gathering_episodes"),
     "u-tree": ("significance.alpha", "splitter.min_leaf", "discount"),
@@ -46,7 +46,7 @@ _MOST = 2**20  # bytes of a file of settings
 
 
 class CommandDocument(Document, frozen=True, kw_only=True):
-    """What a command was given, by the names of its parameters; paths are absolute."""
+    """The arguments of a command, by the names of its parameters; paths are absolute."""
 
     FORMAT: ClassVar[str] = "eutree/command"
     VERSION: ClassVar[int] = 1
@@ -55,7 +55,7 @@ class CommandDocument(Document, frozen=True, kw_only=True):
 
 
 class GoesOn(Helped):
-    """A command that with ``--resume`` is given again what is kept in the folder ``--out``."""
+    """A command that with ``--resume`` is given again the arguments in the folder ``--out``."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Read the arguments, those kept first."""
@@ -64,7 +64,7 @@ class GoesOn(Helped):
             out = Path(given["out"][0])
             kept = _without(_kept(out, given), given)
             if not kept and not _was_begun(out):
-                del given["resume"]  # as a new run is, it is kept what it was begun with
+                del given["resume"]  # the new run is kept without it
                 click.echo(f"{out} holds no run to go on with: a new one begins", err=True)
             ctx.meta[_FROM_FILE] = {_key(text) for text in kept.get(_ENV_ARG, [])}
             args = [*_line(self, kept), *args]
@@ -77,7 +77,7 @@ def chosen_by_file(arguments: dict[str, Any]) -> frozenset[str]:
 
 
 def keep(out: Path) -> None:
-    """Keep in a new run's folder what the command was given.
+    """Keep in a new run's folder the arguments of the command.
 
     Args:
         out: The folder; nothing is written into one that was begun before.
@@ -108,7 +108,7 @@ def line_to_go_on(out: Path) -> str:
 
 
 def _of_the_user(given: Arguments) -> Arguments:
-    """Return what no file may choose of what is given, but for arguments of the environment."""
+    """Return the arguments that no file may choose, but for those of the environment."""
     return {name: texts for name, texts in given.items() if _is_users_own(name, texts)}
 
 
@@ -120,7 +120,7 @@ def _is_users_own(name: str, texts: list[str]) -> bool:
 
 
 def _given(command: click.Command, context: click.Context, args: list[str]) -> Arguments:
-    """Return what is given on the line, by the names of the parameters; nothing if it is wrong."""
+    """Return the arguments on the line, by the names of the parameters; none if it is wrong."""
     try:
         values, _, order = command.make_parser(context).parse_args(list(args))
     except click.UsageError:
@@ -139,7 +139,7 @@ def _was_begun(out: Path) -> bool:
 
 
 def _kept(out: Path, given: Arguments) -> Arguments:
-    """Return what is kept in a folder; nothing where the whole command is given again.
+    """Return the arguments kept in a folder; none where the whole command is given again.
 
     Raises:
         InvalidArgumentError: Nothing is kept there, and nothing else is given.
@@ -160,7 +160,7 @@ def _kept(out: Path, given: Arguments) -> Arguments:
 
 
 def _without(kept: Arguments, given: Arguments) -> Arguments:
-    """Return what is kept and not given now; of the environment's arguments each by itself."""
+    """Return the arguments kept and not given now; of the environment's each by itself."""
     rest = {name: texts for name, texts in kept.items() if name not in given}
     now = {_key(text) for text in given.get(_ENV_ARG, [])}
     own = [text for text in kept.get(_ENV_ARG, []) if _key(text) not in now]
@@ -203,7 +203,7 @@ class RunSettings:
 
     Attributes:
         expert: Who demonstrates where no demonstrations are given; None for nobody.
-        demonstrations: Episodes of it.
+        demonstrations: The number of its episodes.
         race_share: Share of ``--steps`` that racing takes where no ``--race-steps`` are given.
         arguments: Of the environment, where neither the user nor demonstrations say otherwise.
     """
@@ -218,7 +218,7 @@ class RunSettings:
         """Return those of a file of settings; a file without the table has none.
 
         Raises:
-            FormatError: The table holds what is not known.
+            FormatError: The table has an unknown entry.
         """
         if settings is None:
             return cls()
@@ -253,7 +253,7 @@ def chosen_method(
     changes: tuple[str, ...],
     discount: float | None,
 ) -> "Method | str | None":
-    """Return the method of a name, with what a file and ``--set`` choose otherwise."""
+    """Return the method of a name, with the settings that a file and ``--set`` change."""
     from eutree.learners import method as method_of
     from eutree.learners.registry import with_choices
 
@@ -278,7 +278,7 @@ def chosen_method(
 
 
 def listed(method: "Method | str | None", *, offline: bool) -> tuple[dict[str, Any], str]:
-    """Return all choices of a method, for ``--json`` and as a text: what to turn first on top."""
+    """Return all settings of a method, for ``--json`` and as a text, the first to change on top."""
     from eutree.learners import method as method_of
     from eutree.learners.registry import choices_of
 

@@ -1,4 +1,4 @@
-"""What ``eutree learn`` says: how a run goes, what came of it."""
+"""The words of ``eutree learn``: how a run goes, and its result."""
 
 import logging
 from dataclasses import replace
@@ -31,7 +31,7 @@ class Following:
 
     Args:
         progress: The line to show it on.
-        out: The folder.
+        out: The run's folder.
     """
 
     def __init__(self, progress: ProgressLine, out: Path) -> None:
@@ -49,7 +49,7 @@ class Following:
 
 
 def progress_of(run: "Run") -> tuple[str, int, int]:
-    """Return what is under way, how much of its budget is used, and that budget."""
+    """Return the stage under way, how much of its budget is used, and that budget."""
     from eutree.learners.learner import HasStages
     from eutree.training.phases import MANY
 
@@ -111,10 +111,10 @@ def as_values(result: "LearningResult", out: Path) -> dict[str, Any]:
 
 
 def in_words(result: "LearningResult", out: Path, *, recorded: int | None) -> str:
-    """Return a result in a sentence: what it cost, what it is, what was gained.
+    """Return a result in a sentence: its cost, its tree, and the gain over its start.
 
     Args:
-        result: The result.
+        result: The finished learning.
         out: Where it was written.
         recorded: Recorded episodes that all was learned from; None if it gathered its own.
     """
@@ -147,7 +147,7 @@ def in_words(result: "LearningResult", out: Path, *, recorded: int | None) -> st
 
 
 def _against_start(result: "LearningResult") -> str:
-    """Return what was gained, to follow other words; nothing if that is not known."""
+    """Return the gain over the start, to follow other words; nothing if that is not known."""
     if result.against_start is None:
         return ""
     start = STARTS.get(result.start, "the tree that it started from")

@@ -1,7 +1,7 @@
-"""What every command is: options that several share, and help in one screen.
+"""The base of every command: options that several share, and help in one screen.
 
-A command declares what it reads as ``click.Path`` and what it writes as ``Written``. Before it
-begins, each of its outputs is set beside each of its inputs: what it writes is never what it reads.
+A command declares its input files as ``click.Path`` and its output files as ``Written``. Before it
+begins, each output is compared with each input: a command never writes over its input.
 ``--help-all`` shows every option in its group.
 """
 
@@ -40,7 +40,7 @@ _SHARED: Mapping[str, Sequence[str]] = {
     "Several processes": ("n_jobs", "backend", "address"),
     "Everywhere": ("seed", "as_json", "help_all", "help"),
 }
-# What a run and demonstrations consist of; anything else in their folders may be written anew.
+# The files of a run and of demonstrations; any other file in their folders may be overwritten.
 PARTS = re.compile(
     r"(config|command|policy|learned|expert|demonstrations)\.json|checkpoint\.npz|(curve|progress|runs)\.csv"
     r"|(events|answers)\.jsonl|episode-\d+\.(npz|journal)"
@@ -68,7 +68,7 @@ class ResultCommand(click.Command):
         )
 
     def invoke(self, ctx: click.Context) -> None:
-        """Run the command, and print what it comes to."""
+        """Run the command, and print its result."""
         result = super().invoke(ctx)
         if isinstance(result, Result):
             Output(as_json=wants_json()).result(result.values, result.text)
@@ -170,7 +170,7 @@ def check_outputs(command: click.Command, given: dict[str, Any]) -> None:
     """Raise InvalidArgumentError where an output of a command would overwrite an input.
 
     Args:
-        command: The command.
+        command: The command that is about to run.
         given: The texts given for its parameters, by the parameters' names.
     """
     inputs = list(_paths(command, given, written=False))
@@ -282,9 +282,9 @@ def seed(command: _Command) -> _Command:
 
 
 def environment(command: _Command) -> _Command:
-    """Add what every command that makes an environment takes.
+    """Add the options of every command that makes an environment.
 
-    ``--env-arg key=value`` (repeatable) is passed on as a dict ``env_arguments``, with what
+    ``--env-arg key=value`` (repeatable) is passed on as a dict ``env_arguments``, with those that
     ``--decode`` and ``--action-grid`` ask for; ``--import``, ``--names`` and ``--derive`` are
     obeyed before the command begins.
     """
@@ -481,7 +481,7 @@ def _parse_arguments(
 
 
 def _parsed(value: str) -> Any:
-    """Return what JSON or Python means by the text, else the text itself."""
+    """Return the value of the text in JSON or Python, else the text itself."""
     try:
         return json.loads(value)
     except ValueError:

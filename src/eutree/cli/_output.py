@@ -27,17 +27,17 @@ if TYPE_CHECKING:
 
 _HEADER = "leaves  return [95 %]                 success"
 _WIDTH = 20
-_SECONDS = 2.0  # between two lines on what is compiled
+_SECONDS = 2.0  # between two lines about compiling
 _results: TextIO | None = None
 
 
 class Result(NamedTuple):
-    """What a command comes to.
+    """The result of a command.
 
     Attributes:
         values: The entries of its JSON object.
-        text: What it says without ``--json``, a string or a rich renderable.
-        exit_code: Its exit code.
+        text: Its output without ``--json``, a string or a rich renderable.
+        exit_code: Its exit code; 0 for success.
     """
 
     values: dict[str, Any]
@@ -133,7 +133,7 @@ class ProgressLine:
 
 
 def _plain(value: Any) -> Any:
-    """Return ``value`` in JSON's own types; what is not finite becomes null."""
+    """Return ``value`` in JSON's own types; a number that is not finite becomes null."""
     if isinstance(value, dict):
         return {str(key): _plain(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):
@@ -196,7 +196,7 @@ def results() -> TextIO:
 
 @contextmanager
 def kept_for_results() -> Iterator[None]:
-    """Send to standard error what is printed inside; ``results()`` is standard output still."""
+    """Send to standard error all that is printed inside; ``results()`` is standard output still."""
     global _results
     stream = sys.stdout
     own = _own_descriptor(stream)
@@ -209,7 +209,7 @@ def kept_for_results() -> Iterator[None]:
             with suppress(OSError):  # a pipe that nobody reads any more has been reported
                 _results.flush()
                 with suppress(OSError, AttributeError, TypeError):
-                    # What C libraries have printed: at the end of the process it would come late.
+                    # C libraries would print their buffers late, at the end of the process.
                     ctypes.CDLL(None).fflush(None)
                 os.dup2(own, 1)
                 _results.close()
@@ -260,7 +260,7 @@ class _Saying(logging.Handler):
 
 @contextmanager
 def said_what_is_compiled() -> Iterator[None]:
-    """Say what is compiled while the context lasts."""
+    """Report the compilation of kernels while the context lasts."""
     logger, saying = logging.getLogger("eutree.compiled"), _Saying()
     level = logger.level
     logger.addHandler(saying)

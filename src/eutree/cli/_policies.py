@@ -47,7 +47,7 @@ def load_policy(path: Path, *, hand_edited: bool = False) -> "TreePolicy":
 def load_demonstrations(path: Path, policy: "TreePolicy | None" = None) -> "Demonstrations":
     """Return the demonstrations in a folder, with the features that are derived elsewhere.
 
-    These are what ``--derive`` declares, or else what the policy asks for.
+    These are the features that ``--derive`` declares, or else those that the policy needs.
     """
     from eutree.data import Demonstrations, derive
     from eutree.interaction.names import given_names
@@ -60,7 +60,7 @@ def load_demonstrations(path: Path, policy: "TreePolicy | None" = None) -> "Demo
 
 
 def seen_in(demos: Path, policy: "TreePolicy") -> "Floats":
-    """Return what a policy sees before each decision in a folder of demonstrations, [N, d]."""
+    """Return the features before each decision in a folder of demonstrations, [N, d]."""
     recorded = load_demonstrations(demos, policy)
     return recorded.with_history(policy.history, policy.past_actions).observations
 
@@ -103,14 +103,14 @@ def check_fits(policy: "TreePolicy", path: Path, spec: "EnvironmentSpec") -> Non
 
 
 def controller(name: str, option: str, spec: EnvironmentSpec) -> "Controller":
-    """Return who is named to act in an environment.
+    """Return the actor that is named for an environment.
 
     Args:
         name: A scripted expert of the environment, a policy file or run folder, or ``MODULE:NAME``
             or ``FILE.py:NAME``: anything with SB3's ``predict``, its class, a function that makes
             such a thing for an environment, or one from an observation to an action.
         option: The option that named it, for messages.
-        spec: The environment.
+        spec: The environment in which it acts.
 
     Raises:
         UnknownNameError: The name means none of these.
@@ -139,7 +139,7 @@ def is_own(name: str) -> bool:
 
 
 def _own(name: str, option: str) -> "Controller":
-    """Return what ``MODULE:NAME`` or ``FILE.py:NAME`` names."""
+    """Return the object that ``MODULE:NAME`` or ``FILE.py:NAME`` names."""
     module, _, attribute = name.rpartition(":")
     found: Any = _imported(module, f"{option} {name}")
     for part in attribute.split("."):
@@ -150,7 +150,7 @@ def _own(name: str, option: str) -> "Controller":
 
 
 def _imported(module: str, what: str) -> object:
-    """Import a module that the user has named; its author is told what it does wrong."""
+    """Import a module that the user has named; its author is told of its errors."""
     look_in_this_folder()
     if module.endswith(".py"):
         file = Path(module).resolve()
@@ -178,14 +178,14 @@ def against_option(command: _Command) -> _Command:
 
 
 class Rival:
-    """Who plays the episodes of a result, too; found before the result is made.
+    """The rival that plays the same episodes as a result; found before the result is made.
 
     Args:
         name: As ``--against`` has it.
-        spec: Where both play.
+        spec: The environment in which both play.
 
     Attributes:
-        controller: Who that is.
+        controller: The rival's policy, or a function that makes or is one.
 
     Raises:
         UnknownNameError: The name means nothing that acts; see ``controller``.
@@ -211,5 +211,5 @@ class Rival:
 
 
 def beside(found: "Against | None") -> str:
-    """Return what a result and its rival did, a line each, to follow other lines."""
+    """Return the results of a policy and of its rival, a line each, to follow other lines."""
     return "" if found is None else f"\nthe result: {found.policy}\n{found}"

@@ -114,7 +114,7 @@ def compress(
     env_arguments: dict[str, Any],
     **options: Any,
 ) -> Result:
-    """Make the tree of SOURCE, a run folder or a policy file, smaller; report what changed."""
+    """Make the tree of SOURCE, a run folder or a policy file, smaller; report the changes."""
     from eutree.compression import ImaginedEpisodes, RealEpisodes, compress_monotone
     from eutree.evaluation import evaluate
     from eutree.files import check_writable
@@ -221,7 +221,7 @@ def _front_written(report: "CompressionReport", folder: Path | None) -> list[str
 def _experience(
     source: Path, demos: Path | None, policy: "TreePolicy"
 ) -> "Transitions | Demonstrations":
-    """Return what a world model is fitted to."""
+    """Return the experience to which a world model is fitted."""
     from eutree.training import stored_transitions
 
     if source.is_dir():
@@ -232,7 +232,7 @@ def _experience(
 
 
 def _rounding(texts: tuple[str, ...]) -> "Rounding":
-    """Return what ``--round`` asks for: nothing, the fewest digits, or steps."""
+    """Return the rounding that ``--round`` asks for: none, the fewest digits, or steps."""
     if not texts:
         return False
     steps: dict[str, float] = {}
@@ -297,7 +297,7 @@ def _where_trees_play(
 
 
 def _played(rounding: "RoundingPlayed") -> str:
-    """Return what rounding changed, in words."""
+    """Return the change of the return by rounding, in words."""
     if not rounding.different:
         return f"rounded, it earned the same in each of {rounding.episodes} episodes"
     words = (
@@ -317,7 +317,7 @@ def _change(report: "CompressionReport") -> str:
 
 
 def _condition(report: "CompressionReport") -> str:
-    """Return what the bounds of the return depend on, and what kept a margin from being shown."""
+    """Return the condition of the bounds of the return, and why no margin could be shown."""
     low, high = report.return_range or (0.0, 0.0)
     words = ""
     if not report.range_known:

@@ -277,11 +277,11 @@ def import_(
     """Read demonstrations from SOURCE: minari:ID, or a file ending in .csv or .npz.
 
     A .csv has one row for each observation, in order. Two columns are required: "episode" (which
-    one; any text) and "action" (what was done there; names, or numbers from 0). "step",
+    one; any text) and "action" (taken there; names, or numbers from 0). "step",
     "action_name", "reward", "terminated", "truncated", "seed", "ending", "is_success" and "kept"
     are known; every other column is a feature, its unit in brackets: "level [m]". The last row of
-    an episode has an empty action: it is what the last action led to. Without such a row the last
-    action is left out. A machine's log without marks of episodes is read by --time.
+    an episode has an empty action: it shows where the last action led. Without such a row the
+    last action is left out. A machine's log without marks of episodes is read by --time.
     """
     from eutree.data import Demonstrations, LogFormat
     from eutree.data.log_format import seconds_of
@@ -351,7 +351,7 @@ def _open(folder: Path) -> "DemonstrationFolder":
 
 
 def _open_to_edit(folder: Path) -> "DemonstrationFolder":
-    """Open a folder, and first turn what dead recorders left into episodes."""
+    """Open a folder, and first turn the journals of dead recorders into episodes."""
     opened = _open(folder)
     opened.recover()
     return opened

@@ -1,4 +1,4 @@
-"""Trees of what others do: ``eutree fit``, ``demos hurting`` and ``distill``.
+"""Trees of the decisions of others: ``eutree fit``, ``demos hurting`` and ``distill``.
 
 Of demonstrations, played and compared with their demonstrator; or of another policy.
 """
@@ -73,8 +73,7 @@ def fit(
     """Fit a tree to DEMONSTRATIONS with C4.5, play it, and say how good it is beside them.
 
     Some trees are compared by episodes left out and by playing; --release-8, --min-objects,
-    --confidence and --no-pruning fix how the one is made. What ails the result is said as
-    warnings.
+    --confidence and --no-pruning fix how the one is made. Warnings name the faults of the result.
     """
     from eutree.files import check_writable
     from eutree.fitting.fit import fit as fit_tree
@@ -117,8 +116,8 @@ def hurting(
     """Find by playing which seconds of FOLDER cost the tree its success.
 
     Trees are made without a segment, or with the action before or after it in its place, and play
-    the same episodes as the tree of all. What is found is cut or flipped in --out alone, and what
-    was done stays there too: beside it stands which action is to be imitated.
+    the same episodes as the tree of all. The segments found are cut or flipped in --out alone;
+    the actions taken stay there, each beside the action to be imitated.
     """
     from eutree.data import DemonstrationFolder
     from eutree.files import check_new_folder
@@ -166,7 +165,7 @@ def _restore(opened: "DemonstrationFolder") -> Result:
 
 
 def _hurt_as_values(one: "Hurt", numbers: list[int], actions: tuple[str, ...]) -> dict[str, Any]:
-    """Return what was found in JSON's types; steps are counted from 0, ``to_step`` not included."""
+    """Return the segments found in JSON's types, steps from 0, ``to_step`` not included."""
     return {
         "what": one.what,
         "why": one.why,

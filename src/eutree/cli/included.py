@@ -1,4 +1,4 @@
-"""What comes with the package: ``eutree demo``, ``zoo`` and ``warm-up``."""
+"""The commands on things in the package: ``eutree demo``, ``zoo`` and ``warm-up``."""
 
 import io
 import os
@@ -135,7 +135,7 @@ HEAD = "name                    leaves  return [95 %]              worst    step
 
 
 def _lines(one: "Card", *, full: bool) -> Iterator[str]:
-    """Yield a tree's row and, in full, what is proven of it and what learned it."""
+    """Yield a tree's row and, in full, its proven properties and the sources that learned it."""
     low, high = one.interval
     returns = f"{one.mean_return:.1f} [{low:.1f}, {high:.1f}]"
     proven = "yes" if one.proven else ""
@@ -159,7 +159,7 @@ _NETWORKS = (
     "--set", "demonstration_updates=1", "--set", "world_model.updates=1",
     "--set", "world_model.more_updates=1",
 )  # fmt: skip
-# What compiles it: by name, a command to which demonstrations are added; the longest first.
+# The jobs that compile it: by name, a command to which demonstrations are added; longest first.
 JOBS = {
     "planning": ("learn", _TASK, *_SHORT),
     "fitting": ("fit", "--episodes", "20"),
@@ -174,7 +174,7 @@ JOBS = {
 def warm_up(n_jobs: int) -> Result:
     """Compile the loops of fitting, planning and learning for this computer.
 
-    What is compiled is kept beside the package, or where NUMBA_CACHE_DIR says.
+    The compiled loops are kept beside the package, or in the folder NUMBA_CACHE_DIR.
     """
     from eutree.parallel import Workers
 

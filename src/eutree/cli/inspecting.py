@@ -1,4 +1,4 @@
-"""What is known of a policy: ``eutree why``, ``diff``, ``verify`` and ``edit``."""
+"""The commands that inspect a policy: ``eutree why``, ``diff``, ``verify`` and ``edit``."""
 
 import re
 from dataclasses import replace
@@ -31,7 +31,7 @@ from eutree.trees.text import labelled
               help="The observation, a number for each feature.")  # fmt: skip
 @option.path("--demos", text="Demonstrations whose steps in the same leaf to name.")
 def why(policy: Path, observation: str, demos: Path | None) -> Result:
-    """Say why POLICY decides as it does for an observation, and what would change it."""
+    """Say why POLICY decides as it does for an observation, and which change would alter it."""
     from eutree.inspection import why as explain
 
     try:
@@ -206,7 +206,7 @@ def edit(
     env_arguments: dict[str, Any],
     seed: int,
 ) -> Result:
-    """Change POLICY, a policy file, by hand; say what that does to its return."""
+    """Change POLICY, a policy file, by hand; say how that changes its return."""
     from eutree.evaluation import evaluate
     from eutree.files import check_writable
     from eutree.inspection import edit as change

@@ -226,7 +226,7 @@ def learn(
 
 
 def _named(result: "_Result", rival: str | None) -> "_Result":
-    """Return what was learned, its rival called as it was named."""
+    """Return a result with its rival called as the user named it."""
     if result.against is None:
         return result
     return replace(result, against=replace(result.against, name=rival or ""))
@@ -259,7 +259,7 @@ def _teacher(name: str | None, steps: int | None, spec: EnvironmentSpec | None) 
 
 @contextmanager
 def _saying_how_to_go_on(stop: "StopRequest", out: Path) -> Iterator[None]:
-    """End the command with the signal's exit code if one interrupts what is inside."""
+    """End the command with the signal's exit code if one interrupts the code inside."""
     try:
         yield
     except EnvironmentFault:

@@ -14,7 +14,7 @@ from eutree.cli._options import check_outputs
 from eutree.cli._output import kept_for_results, said_what_is_compiled
 from eutree.errors import EutreeError, InvalidArgumentError, UnknownNameError, described
 
-# Loaded when called, so that `eutree --help` does not import what it does not need.
+# Loaded when called, so that `eutree --help` imports only the modules that it needs.
 COMMANDS = {
     "record": "Record demonstrations, by a person or a scripted expert.",
     "demos": "List, check, replay, edit, import and export demonstrations.",
@@ -104,7 +104,7 @@ def _added_command(name: str) -> click.Command:
         raise UnknownNameError("command", name, [*COMMANDS, *_added()])
     try:
         command = points[0].load()
-    except (Exception, SystemExit) as error:  # whatever a package's author lets happen
+    except (Exception, SystemExit) as error:  # any error of another package
         raise InvalidArgumentError(
             f"command {name!r}, {points[0].value}, cannot be imported: {error}"
         ) from error

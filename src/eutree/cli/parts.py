@@ -1,4 +1,4 @@
-"""What commands are made of, also those of other distributions (``eutree.commands`` in ``main``).
+"""The building blocks of commands, also of other distributions (``eutree.commands`` in ``main``).
 
 Independent work of a command runs in processes here, or on a Dask or Ray cluster that the user has
 started and names. None is started here: its scheduler would obey any process of this machine, and
@@ -35,10 +35,10 @@ WORKERS_START = 60  # s, for the first worker to be there
 
 
 def workers_options(of_what: str) -> Callable[[_Command], _Command]:
-    """Return what adds ``--n-jobs``, ``--backend`` and ``--address``.
+    """Return the decorator that adds ``--n-jobs``, ``--backend`` and ``--address``.
 
     Args:
-        of_what: What is divided among the processes, for the help.
+        of_what: The work that is divided among the processes, for the help.
     """
 
     def add(command: _Command) -> _Command:

@@ -36,7 +36,7 @@ _REDIRECT = '<!doctype html><meta http-equiv="refresh" content="0;url={}">\n'
 
 
 def page_options(command: _Command) -> _Command:
-    """Add what a page takes on which a person records, with which keys and at which pace."""
+    """Add the options of a page on which a person records: keys, pace, address."""
     for add in reversed((
         click.option("--keys",
                      help="What the keys mean: left=0,right=1,none=0 (numbers or names)."),
@@ -224,14 +224,14 @@ def record_on_page(
     """Let a person record on a page of the browser, whose address is said, until they finish.
 
     Args:
-        output: Says it.
-        recorder: Records.
+        output: Prints the address.
+        recorder: The session and its folder.
         spec: How to make the environment again.
-        out: Where it records.
+        out: The folder of the recording.
         host: Address of the page.
         port: Port of the page; None for any that is usual.
         drive: A tree that drives from the beginning.
-        lead: What makes the tree and what leads the person; None where they lead themselves.
+        lead: The maker of the tree and the guide of the person; None where they lead themselves.
     """
     from eutree.fitting.page_tree import PageTree
     from eutree.interaction.making import make
@@ -277,7 +277,7 @@ def record_on_page(
 
 @contextmanager
 def opened_by() -> Iterator["Opener"]:
-    """Yield what opens pages; what it has written is deleted at the end."""
+    """Yield the opener of pages; its files are deleted at the end."""
     with TemporaryDirectory(prefix="eutree-") as folder:
         yield Opener(Path(folder))
 

@@ -1,7 +1,7 @@
 """``eutree demo``, the whole main job: demonstrate, fit, learn, judge, compress, export, report.
 
-It tells what the program is for: a person shows a task, C4.5 makes a tree of it, the world turns
-out to be different, learning mends the tree, and what changed can be read.
+It shows the use of the program: a person shows a task, C4.5 makes a tree of it, the world turns
+out to be different, learning mends the tree, and the changes can be read.
 """
 
 import shutil
@@ -130,7 +130,7 @@ def settings_for(environment: EnvironmentSpec, **choices: Any) -> DemoSettings:
 
 
 def _fresh_folder(path: Path) -> Path:
-    """Return an empty folder; what an earlier demo left there is replaced, nothing else is."""
+    """Return an empty folder; only the files of an earlier demo are replaced there."""
     if (path / MARK).exists():
         shutil.rmtree(path)
     if path.exists() and any(path.iterdir()):

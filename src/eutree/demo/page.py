@@ -1,4 +1,4 @@
-"""What the demo's page shows, in the words of its story."""
+"""The content of the demo's page, in the words of its story."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -31,11 +31,11 @@ from eutree.training.many import FinishedRun, LearningRuns
 
 @dataclass(frozen=True, kw_only=True)
 class Story:
-    """What the demo does in an environment.
+    """The course of the demo in an environment.
 
     Attributes:
         change: Arguments of the environment that are others after the demonstrations.
-        changed: What that means, to follow "once" in a sentence; empty if nothing changes.
+        changed: The meaning of that change, to follow "once" in a sentence; empty without one.
         learning: Options of ``learn``: the method if it is not the default one, and budgets.
         plays: Whether compression looks for the best tree of each size by playing; else it keeps
             every recorded decision. Where episodes run side by side it takes half a minute.
@@ -77,23 +77,23 @@ _STORIES = {
 
 
 def story_of(environment: str) -> Story:
-    """Return what the demo tells in an environment, given its id; a plain story for others."""
+    """Return the demo's story in an environment, given its id; a plain story for others."""
     name = environment.rpartition(":")[2]
     return _STORIES.get(name, Story(learning=_PLANNING, final_episodes=200))
 
 
 @dataclass(frozen=True, kw_only=True)
 class DemoSettings:
-    """How much of everything.
+    """The settings of a demo.
 
     Attributes:
-        environment: Where.
-        story: What changes, how it learns, what it may spend; by default what ``story_of`` says.
+        environment: The environment in which the demonstrations are shown.
+        story: The change, the learning and the budget; by default those of ``story_of``.
         expert: Name of the scripted demonstrator; None takes the environment's first.
         demonstrations: Episodes to record.
         runs: Learning runs, with seeds of their own; the best is chosen.
         n_jobs: Processes, as joblib counts them.
-        seed: Seed of everything.
+        seed: Seed of the demonstrations, the runs and the evaluations.
     """
 
     environment: EnvironmentSpec
@@ -120,8 +120,8 @@ class PlayedDemo:
     """Episodes of two policies from the same starts.
 
     Attributes:
-        before: The expert tree's.
-        after: The compressed tree's.
+        before: Episodes of the expert tree.
+        after: Episodes of the compressed tree.
     """
 
     before: Sequence[Episode]
@@ -141,7 +141,7 @@ class PlayedDemo:
 
     @property
     def observations(self) -> Floats:
-        """What the later policy decided on, shape [N, d]."""
+        """The observations on which the later policy decided, shape [N, d]."""
         return np.concatenate([episode.observations[:-1] for episode in self.after])
 
     @property
@@ -156,20 +156,20 @@ class PlayedDemo:
 
 @dataclass(frozen=True, eq=False)
 class DemoResult:
-    """Everything that the demo found out.
+    """All results of the demo.
 
     Attributes:
-        settings: What was done.
-        folder: What it wrote.
-        demonstrations: What was shown.
+        settings: The settings of the demo.
+        folder: The folder of its files.
+        demonstrations: The episodes of the demonstrator.
         policies: Expert tree, learned tree and compressed tree, by name.
         evaluations: How each did on the same fresh episodes.
         at_home: How the expert tree did where it was shown, if that is elsewhere.
         judgement: The compressed tree against the expert tree.
         runs: All learning runs.
-        compression: What compression changed.
+        compression: The changes that compression made.
         played: Episodes of both trees from the same starts.
-        changes: What the compressed tree decides otherwise than the expert tree, in its episodes.
+        changes: The boxes in which the compressed tree decides otherwise than the expert tree.
         source: The C function.
     """
 
@@ -218,7 +218,7 @@ class DemoResult:
 
     @property
     def sentence(self) -> Verdict:
-        """The result in a sentence; what 95 % intervals do not part is not called better."""
+        """The result in a sentence, which calls nothing better that 95 % intervals do not part."""
         story, change = self.settings.story, self.judgement
         once = f" once {story.changed}" if story.changed else ""
         leaves = counted(self.small.n_leaves, "leaf")
@@ -247,7 +247,7 @@ class DemoResult:
 
 
 def demo_report(result: DemoResult) -> RunReport:
-    """Return what the page shows."""
+    """Return the content of the page."""
     settings, small = result.settings, result.small
     observations = result.played.observations
     return RunReport(
@@ -290,7 +290,7 @@ def _told(interval: Interval) -> int:
 
 
 def _does(evaluation: Evaluation) -> str:
-    """Return what a policy does, as a verb: "succeeds in 58 % of all episodes"."""
+    """Return the success or the return of a policy: "succeeds in 58 % of all episodes"."""
     if evaluation.success_rate is None:
         return f"earns {evaluation.mean_return:.4g}"
     return f"succeeds in {_percent(evaluation.success_rate)} of all episodes"
