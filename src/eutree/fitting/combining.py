@@ -48,14 +48,14 @@ BATCH = 64  # columns that are sorted together
 
 @dataclass(frozen=True)
 class _Rows:
-    """Steps that were shown.
+    """The steps of demonstrations.
 
     Attributes:
         columns: The features.
         labels: The actions.
         weights: How much each step counts.
         last: The features at the step before; at an episode's first step its own.
-        part: The episode, or what stands for one, that is left out as a whole.
+        part: The episode, or its substitute, that is left out as a whole.
         n_classes: Number of actions.
     """
 
@@ -122,7 +122,7 @@ def propose(demonstrations: Demonstrations, settings: C45Settings) -> tuple[Prop
     """Return the derived features that are worth declaring, each beside those before it.
 
     Args:
-        demonstrations: What was shown.
+        demonstrations: The demonstrations from which a tree is fitted.
         settings: The choices of C4.5.
     """
     rows, schema = _rows(demonstrations), demonstrations.schema
@@ -158,14 +158,14 @@ def confirm(
     seed: int,
     on_progress: Progress | None = None,
 ) -> tuple[tuple[Proposal, ...], int]:
-    """Return proposals with what trees with them play and whether to take them; and all episodes.
+    """Return proposals with how their trees play and whether to take them; and all episodes.
 
     Taken are as many of the first as the smallest tree has that plays within a standard error of
     the best, which is confirmed by other episodes (``eutree.contests.SmallestWithin``).
 
     Args:
         proposals: The proposals, at least one.
-        demonstrations: What was shown.
+        demonstrations: The demonstrations from which a tree is fitted.
         env: Where to play; None takes all proposals.
         settings: The choices of C4.5.
         episodes: Fresh episodes that the choice takes of each tree; a confirmation takes as many.

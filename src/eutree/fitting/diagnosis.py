@@ -1,4 +1,4 @@
-"""What an engineer has to know before relying on a fitted tree, in sentences."""
+"""The facts that an engineer has to know before relying on a fitted tree, in sentences."""
 
 from dataclasses import dataclass, replace
 
@@ -28,14 +28,14 @@ class Harm:
     """A leaf that ends episodes badly.
 
     Attributes:
-        leaf: The leaf.
+        leaf: The number of the leaf.
         ending: How these episodes end, in the environment's words.
         share: Share of all episodes that fail with this ending.
         share_in_leaf: Share of those that end in the leaf, or pass through it.
         holds_on: Whether the leaf decides for at least half of such an episode, up to its end.
         shown: How often each action was shown there.
         below: The lowest return of a demonstration, which these episodes do not come to; None
-            where the environment says itself what failed.
+            where the environment reports failures itself.
     """
 
     leaf: int
@@ -48,7 +48,7 @@ class Harm:
 
 
 def about_demonstrations(demonstrations: Demonstrations) -> list[str]:
-    """Return what is wrong with the demonstrations as a whole."""
+    """Return the faults of the demonstrations as a whole, in sentences."""
     names = demonstrations.schema.actions
     counts = np.bincount(lessons(demonstrations)[1], minlength=len(names))
     found = []
@@ -128,8 +128,8 @@ def about_result(person: Person, tree: Evaluation, *, doubts: bool) -> list[str]
 def harms(played: Played, demonstrations: Demonstrations) -> list[Harm]:
     """Return for each frequent bad ending the leaf that has most to do with it, worst first.
 
-    Where nothing says what failed, bad is an episode that earns less than any demonstration: less
-    than their mean is what half of the demonstrations themselves earn.
+    Where the environment reports no failures, an episode is bad that earns less than any
+    demonstration: half of the demonstrations themselves earn less than their mean.
     """
     below = None if played.evaluation.successes is not None else _lowest(demonstrations)
     failed = played.failed(np.nan if below is None else below)
@@ -179,11 +179,11 @@ def _doubtful(played: Played, so: Booleans, paths: list[Integers], shown: Intege
 
 
 def in_words(harm: Harm, policy: TreePolicy, n_shown: int) -> str:
-    """Return what a leaf does, and why.
+    """Return the harm of a leaf and its cause, in words.
 
     Args:
-        harm: The leaf and what comes of it.
-        policy: The tree.
+        harm: The leaf and the endings of its episodes.
+        policy: The tree of the leaf.
         n_shown: How many steps were shown in all.
     """
     taken, region = leaf_in_words(policy, harm.leaf)
@@ -199,7 +199,7 @@ def in_words(harm: Harm, policy: TreePolicy, n_shown: int) -> str:
 
 
 def leaf_in_words(policy: TreePolicy, leaf: int) -> tuple[str, str]:
-    """Return what a leaf does, and where."""
+    """Return the action of a leaf and its region, in words."""
     low, high = (_rounded(bounds[leaf]) for bounds in leaf_boxes(policy.tree))
     region = Region(low, high).words(policy.schema, domain(policy.schema))
     return printable(policy.schema.actions[policy.actions[leaf]]), region

@@ -55,13 +55,13 @@ MOST_REPAIR_PLAYS = MOST_REPAIRS * (3 * BLAMED_LEAVES + 1 + 4)
 
 
 def race(found: list[Candidate], player: Player, budget: int) -> tuple[Candidate, Played]:
-    """Return the winner and what it has played: the worse half drops out after each round.
+    """Return the winner and its episodes: the worse half drops out after each round.
 
     All play the same episodes, in each round as many more as they have played. The first wins ties.
 
     Args:
         found: The candidates, at least one.
-        player: Plays them.
+        player: Plays their episodes.
         budget: Episodes of all of them together.
     """
     rule = Halving.within(budget, len(found))
@@ -83,9 +83,9 @@ def mend(
     it does better there and again on another block, twice as long.
 
     Args:
-        candidate: A tree.
-        played: What it has played.
-        demonstrations: What was shown.
+        candidate: The tree to repair.
+        played: Its episodes.
+        demonstrations: The demonstrations from which it is made.
         player: Plays the repaired trees.
         budget: Episodes in which each of them is tried.
         kept: Makes a repaired tree keep the rules that were asked for.
@@ -139,12 +139,11 @@ def fit(
 
     C4.5 of release 8 and a few variants (``eutree.learners.starts``) are compared by
     episodes left out, the best eight by playing. While the winner falls short of the demonstrator,
-    the leaf that has most to do with failing is repaired by what else was shown there, where
-    playing confirms that. At last it plays fresh episodes; what is wrong with it is in
-    ``warnings``.
+    the leaf that has most to do with failing is repaired by other actions shown there, where
+    playing confirms that. At last it plays fresh episodes; ``warnings`` name its faults.
 
     Args:
-        demonstrations: What was shown; at least one step.
+        demonstrations: The episodes to imitate; at least one step.
         env: Where to play: an environment, its id, or how to make it. None makes the environment
             that the demonstrations name; where that fails, the tree is not played, and the
             warnings say so.
@@ -152,15 +151,15 @@ def fit(
             three times as many, a repair about as many again. 0 plays nothing: the choice is made
             by episodes left out alone.
         practise: Episodes of ``eutree.learn`` to go on with, from the tree, the demonstrations and
-            what the tree has played. The better of both by fresh episodes is returned.
+            its episodes. The better of both by fresh episodes is returned.
         settings: The choices of C4.5. None chooses.
         history: Number of previous observations as features. None chooses between 0 and 1.
-        monotone: Rules such as ``"stop in distance"`` that every tree keeps: leaves change to what
-            was shown there less often, as few steps as it takes.
+        monotone: Rules such as ``"stop in distance"`` that every tree keeps: a leaf changes to an
+            action shown there less often, for as few steps as it takes.
         derive: Derived features to declare, ``"gap = left - right"``; ``"auto"`` proposes a few
             (``eutree.fitting.combining``) and takes those that playing confirms.
         seed: The same seed gives the same report.
-        on_progress: Called after each episode played with what it is for and how many there were.
+        on_progress: Called after each episode with its purpose and how many there were.
 
     Raises:
         InvalidArgumentError: There is nothing to fit, the environment is another one than that of
@@ -222,7 +221,7 @@ class _Keeping:
     monotone: tuple[str, ...]
 
     def kept(self, candidate: Candidate) -> Candidate:
-        """Return a candidate whose tree keeps the rules, by what was shown in its leaves."""
+        """Return a candidate whose tree keeps the rules, by the actions shown in its leaves."""
         if not self.monotone:
             return candidate
         shown_there = shown_in(candidate.policy, self.demonstrations).astype(np.float64)
@@ -230,7 +229,7 @@ class _Keeping:
         return candidate if kept is candidate.policy else replace(candidate, policy=kept)
 
     def keeping(self, policy: TreePolicy, weights: Floats | None = None) -> TreePolicy:
-        """Return a policy that keeps the rules, by what each action is worth in each leaf."""
+        """Return a policy that keeps the rules, by the worth of each action in each leaf."""
         if not self.monotone:
             return policy
         masks, known = allowed_in(self.demonstrations), self.demonstrations
@@ -242,15 +241,7 @@ class _Keeping:
 
 @dataclass(frozen=True, eq=False)
 class _Fitting:
-    """The steps of a fit in an environment.
-
-    Attributes:
-        demonstrations: What was shown: trees are fitted to it, practice begins with it.
-        player: Plays and counts.
-        keeps: The rules that every tree keeps.
-        episodes: Fresh episodes that judge a tree.
-        seed: Seed of the fit.
-    """
+    """The steps of a fit in an environment, for which ``player`` plays and counts the episodes."""
 
     demonstrations: Demonstrations
     player: Player
@@ -280,7 +271,7 @@ class _Fitting:
     def choose(
         self, found: list[Candidate], *, repair: bool
     ) -> tuple[Candidate, tuple[Episode, ...]]:
-        """Return the tree to judge and what it has played so far."""
+        """Return the tree to judge and its episodes so far."""
         rivals = promising(found, MOST_RACING)
         if not repair and len(rivals) == 1:
             return rivals[0], ()
@@ -295,14 +286,14 @@ class _Fitting:
         return chosen, played.episodes
 
     def judge(self, chosen: Candidate) -> Played:
-        """Return what the tree does in fresh episodes."""
+        """Return the fresh episodes of the tree."""
         self.player.begin("judging", self.episodes)
         return self.player.play(chosen.policy, self.episodes, JUDGING)
 
     def practise(
         self, chosen: Candidate, known: tuple[Episode, ...], episodes: int
     ) -> tuple[Candidate, Played] | None:
-        """Return what learning makes of the tree and its play; None if that is no better."""
+        """Return the tree learned from this tree and its play; None if it is no better."""
 
         def tell(run: Any) -> None:
             if self.player.on_progress is not None:

@@ -5,11 +5,11 @@ Here a segment is accused by a trial: C4.5 makes the tree without it, and both t
 episodes. Three sieves make that affordable. Only segments that support the leaves which have most
 to do with failing are tried, and the last steps before a failure; of those only the ones without
 which the tree is another one; these trees are halved by playing, and the best has to be shown to do
-better on fresh episodes (``Better``). What is accepted, the next search begins with.
+better on fresh episodes (``Better``). The next search begins with the accepted segments.
 
 A segment may also be flipped: then the action before it, or after it, is imitated in its place, as
-if the hand had been quicker, or slower. What was done stays in the demonstrations; beside it stands
-what is to be imitated in its place (``Episode.taught``).
+if the hand had been quicker, or slower. The action taken stays in the demonstrations; beside it
+stands the action to be imitated (``Episode.taught``).
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -42,7 +42,7 @@ from eutree.validation import check_integer, check_seed
 
 
 def accepted(demonstrations: Demonstrations, segments: Iterable[Segment]) -> Demonstrations:
-    """Return demonstrations of which some segments are cut or flipped; what was done stays."""
+    """Return demonstrations of which some segments are cut or flipped; the actions taken stay."""
     episodes = list(demonstrations.episodes)
     for one in segments:
         episode = episodes[one.episode]
@@ -57,7 +57,7 @@ def restored(demonstrations: Demonstrations) -> Demonstrations:
 
 @dataclass(frozen=True, eq=False)
 class Edit:
-    """Steps to try without: ``rows`` [n] of the kept transitions, what each ``becomes`` [n]."""
+    """Steps to try without: ``rows`` [n] of the kept transitions, the new action of each [n]."""
 
     rows: Integers  # [n]
     becomes: Integers  # [n]
@@ -72,12 +72,12 @@ class KeyRuns:
     """The kept transitions of demonstrations, as runs of one action.
 
     Attributes:
-        taught: What is imitated, [N].
+        taught: The action to be imitated, [N].
         episode: The number of the episode, [N].
         run: The number of the run, [N].
         from_start: Steps from the beginning of the run, [N].
         to_end: Steps to the end of the run, [N].
-        before: What is imitated before the run; ``NONE`` where the episode begins with it, [N].
+        before: The action taught before the run; ``NONE`` where the episode begins with it, [N].
         after: The same behind it, [N].
     """
 
@@ -109,7 +109,7 @@ class KeyRuns:
         )
 
     def edits(self, rows: Integers, why: str) -> Iterator[Edit]:
-        """Yield that these steps are cut, or flipped to what was done after them, or before."""
+        """Yield that these steps are cut, or flipped to the action after them, or before."""
         rows = rows[self.taught[rows] != CUT]
         if rows.size:
             yield Edit(rows, np.full(rows.size, CUT), why)
@@ -173,14 +173,14 @@ OFTEN = 0.05  # share of failures from which something is to be shown again
 
 @dataclass(frozen=True, eq=False)
 class Hurt:
-    """Segments without which the tree is better, and what they cost.
+    """Segments without which the tree is better, and their cost.
 
     Attributes:
         what: ``"cut"``, ``"flip"``, or ``"show again"`` where neither was shown to help.
         segments: The segments, in order.
-        why: What they have in common, in words.
-        before: What the tree reached with them, all earlier ones accepted; fresh episodes.
-        after: What it reached without them in the same episodes; None for ``"show again"``.
+        why: Their common trait, in words.
+        before: The tree's result with them, all earlier ones accepted; fresh episodes.
+        after: Its result without them in the same episodes; None for ``"show again"``.
     """
 
     what: str
@@ -190,7 +190,7 @@ class Hurt:
     after: Evaluation | None
 
     def words(self, schema: Schema, numbers: Sequence[int]) -> str:
-        """Return what is proposed in a few lines.
+        """Return the proposal in a few lines.
 
         Args:
             schema: Names of the actions.
@@ -207,7 +207,7 @@ class Hurt:
 
     @property
     def reached(self) -> str:
-        """What the tree reaches, in words."""
+        """The results of the tree, in words."""
         if self.after is None:
             return f"the tree reaches {result_in_words(self.before)}"
         before, after = result_in_words(self.before), result_in_words(self.after)
@@ -216,17 +216,17 @@ class Hurt:
 
 @dataclass(frozen=True, eq=False)
 class Hurting(Displayed):
-    """What was found.
+    """The segments found, with the trees before and after.
 
     Attributes:
         demonstrations: As they were given.
-        edited: The same with all cuts and flips; what was done stays in them.
-        hurts: What to cut, flip or show again, in order; each one is tried on top of those
+        edited: The same with all cuts and flips; the actions taken stay in them.
+        hurts: The segments to cut, flip or show again, in order; each is tried on top of those
             before it.
         before: The tree of the demonstrations.
-        after: The tree of what is left.
+        after: The tree of the steps that are left.
         tried: Other trees that played.
-        episodes_played: In all.
+        episodes_played: Episodes played in all.
     """
 
     demonstrations: Demonstrations
@@ -238,11 +238,11 @@ class Hurting(Displayed):
     episodes_played: int
 
     def __str__(self) -> str:
-        """Return what was found in a few lines."""
+        """Return the segments found in a few lines."""
         return self.words(range(len(self.demonstrations.episodes)))
 
     def words(self, numbers: Sequence[int]) -> str:
-        """Return what was found; ``numbers`` are those of the episodes in their folder."""
+        """Return the segments found; ``numbers`` are those of the episodes in their folder."""
         schema = self.demonstrations.schema
         lines = [one.words(schema, numbers) for one in self.hurts]
         if not any(one.after is not None for one in self.hurts):
@@ -264,13 +264,13 @@ def find_hurting(
     """Return the segments of demonstrations that cost the tree its success.
 
     Args:
-        demonstrations: What was shown; what was cut before stays cut.
+        demonstrations: The episodes to search; steps that were cut before stay cut.
         env: Where to play: an environment, its id, or how to make it.
         episodes: Episodes that each search halves its trees by; confirming takes up to 3,600 more.
-        judged: Fresh episodes that say what a tree reaches with and without the segments.
-        most: Most of them.
+        judged: Fresh episodes that evaluate a tree with and without the segments.
+        most: Most groups of segments.
         seed: The same seed finds the same.
-        on_progress: Called after some episodes with what they are for and how many there were.
+        on_progress: Called after some episodes with their purpose and how many there were.
 
     Raises:
         InvalidArgumentError: There is nothing to fit, or the environment is another one.
@@ -293,7 +293,7 @@ class _Games(Player):
     """Plays trees from common starts; of most episodes only the figures are asked for."""
 
     def figures(self, tree: TreePolicy, block: int, episodes: int, first: int = 0) -> Evaluation:
-        """Return what a tree reaches from so many starts of a block, the same for every tree."""
+        """Return the result of a tree from so many starts of a block, the same for every tree."""
         seed = episode_seed(episode_seed(self._seed, block, Stream.FITTING), first)
         found = evaluate(tree, self.world, episodes=episodes, seed=seed)
         self._count(episodes)
@@ -327,12 +327,12 @@ class _Games(Player):
 
 
 class _Search:
-    """Looks for what hurts, again and again.
+    """Looks for segments that hurt, again and again.
 
     Args:
-        demonstrations: What was shown.
+        demonstrations: The episodes to search.
         chosen: The tree to begin with, and how it was made.
-        games: Where trees play.
+        games: Plays and counts the trees' episodes.
         budget: Episodes that halve the trees of one round.
         judged: Episodes that judge a tree.
     """
@@ -351,7 +351,7 @@ class _Search:
         self._tried = 0
 
     def run(self, most: int) -> Hurting:
-        """Return what was found, at most so many groups of segments."""
+        """Return the segments found, at most so many groups."""
         known, games = self._given, self._games
         first = tree = self._tree(known)
         reached, found = self._judge(tree), list[Hurt]()
@@ -417,7 +417,7 @@ class _Search:
         return [entry for entry in found.values() if entry is not None]
 
     def _edits(self, known: Demonstrations, tree: TreePolicy, guilty: list[int]) -> Iterator[Edit]:
-        """Yield what to try: groups of like steps first, then single pieces and episodes."""
+        """Yield the edits to try: groups of like steps first, then single pieces and episodes."""
         steps = KeyRuns.of(known)
         leaves = tree.tree.leaf_index(known.with_history(self._history).observations)
         singles: list[tuple[Integers, str]] = []
@@ -454,7 +454,7 @@ class _Search:
         played: Played,
         reached: Evaluation,
     ) -> Hurt | None:
-        """Return what to show again: where the tree fails often, the longest piece shown there."""
+        """Return the longest piece shown where the tree fails often, to be shown again."""
         failed = played.failed(Person.of(self._given).mean_return)
         if not guilty or failed.mean() <= OFTEN:
             return None

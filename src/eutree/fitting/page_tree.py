@@ -38,7 +38,7 @@ STAGES = {
     "repairing": "Mending the best one",
     "judging": "Judging it",
 }
-TRIED, MISSING = 40, 1000  # episodes that say what was not shown yet; their first seed
+TRIED, MISSING = 40, 1000  # episodes that find scenes not shown yet; their first seed
 BETWEEN = 3  # smaller trees that are shown beside the practised one
 ENOUGH = 0.97  # share of successes from which practice stops paying
 
@@ -50,7 +50,7 @@ class PageTree:
     practice made it better.
 
     Args:
-        folder: The demonstrations.
+        folder: The folder of demonstrations.
         environment: Where the tree plays and practises.
         make: Makes that environment, without pictures.
         seed: Seed of the games and of the practice.
@@ -102,7 +102,7 @@ class PageTree:
         return made
 
     def look(self, show: Show, stop: Callable[[], bool]) -> None:
-        """Find by playing which seconds of what was shown cost the tree its success."""
+        """Find by playing which seconds of the demonstrations cost the tree its success."""
         from eutree.fitting import find_hurting
 
         page = _Page(show, stop)
@@ -121,7 +121,7 @@ class PageTree:
             show(replace(view, hurts=hurts, was_searched=True))
 
     def make_without(self, show: Show, stop: Callable[[], bool]) -> None:
-        """Make the tree of what is left, and show it beside the one of all."""
+        """Make the tree of the steps that are left, and show it beside the one of all."""
         before = self._best
         if before is None:
             return
@@ -136,7 +136,7 @@ class PageTree:
             show(replace(self._verdict(left, note), asks=True))
 
     def settle(self, show: Show, *, undo: bool) -> None:
-        """Keep the tree of what is left, or the one before it."""
+        """Keep the tree of the steps that are left, or the one before it."""
         before, self._without = self._without, None
         if before is None or self._best is None:
             raise InvalidArgumentError("there must be a change to settle, got none")
@@ -191,7 +191,7 @@ class PageTree:
             show(ready, self._programme(best, show))
 
     def missing(self) -> Scene | None:
-        """Return what was not shown yet, and where; the tree of C4.5 fails for want of it."""
+        """Return a scene not shown yet, for want of which the tree of C4.5 fails."""
         from eutree.learners import fit_expert_tree
 
         known = Demonstrations.load(self._folder)
@@ -212,7 +212,7 @@ class PageTree:
         self._say(chosen, f"Kept: {chosen.name}.", show)
 
     def _beside_practised(self, practised: Way, page: "_Page") -> list[Way]:
-        """Return what stands beside the practised tree.
+        """Return the ways to show beside the practised tree.
 
         Between the tree that was fitted and the practised one lie smaller ones of the latter: the
         best of each size, those that do no worse than the fitted one.
@@ -262,7 +262,7 @@ class PageTree:
         return tree
 
     def _programme(self, best: Way, show: Show) -> Programme:
-        """Return what to watch of a tree: the episodes that judged it, worst first."""
+        """Return the episodes of a tree to watch: those that judged it, worst first."""
         played = best.played
         seeds = [episode_seed(self._seed + k // BLOCK, k % BLOCK) for k in range(played.episodes)]
         known = None if played.successes is None else played.successes.tolist()
@@ -316,7 +316,7 @@ class PageTree:
         return self._folder.with_name(f"{self._folder.name}-{name}.json")
 
     def _commands(self, path: Path, tree: TreePolicy) -> tuple[str, ...]:
-        """Return what to do next with the tree on the page; learning goes on from it."""
+        """Return the commands that go on from the tree on the page, such as ``eutree learn``."""
         history = ("--history", str(tree.history)) if tree.history else ()
         run, source = path.with_name("run"), path.with_suffix(".c")
         lines: tuple[tuple[object, ...], ...] = (
@@ -328,8 +328,8 @@ class PageTree:
         return tuple(shlex.join(["eutree", *map(str, line)]) for line in lines)
 
 
-class _NobodyWaits(Exception):  # noqa: N818 - no error: whoever pressed the button has left
-    """Ends what nobody waits for."""
+class _NobodyWaits(Exception):  # noqa: N818 - no error: the person has left
+    """Ends work for which nobody waits."""
 
 
 class _Page:
@@ -349,7 +349,7 @@ class _Page:
 
 
 class _Curve:
-    """What the practising tree reaches, shown after each episode."""
+    """The results of the practising tree, shown after each episode."""
 
     def __init__(self, env: "gymnasium.Env[Any, Any]", view: TreeView, show: Show) -> None:
         self._env, self._view, self._show = env, view, show

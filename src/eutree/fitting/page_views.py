@@ -1,6 +1,6 @@
-"""What the recorder's page shows beside a tree, as values and in words.
+"""The panels beside a tree on the recorder's page, as values and in words.
 
-The ways of doing a task beside each other: the person's, the tree of it, what practice made. And
+The ways of doing a task beside each other: the person's, the tree of it, the practised one. And
 the seconds that hurt: a strip for each episode.
 """
 
@@ -32,12 +32,12 @@ if TYPE_CHECKING:
 
 PLAYED = 200  # episodes that each size plays
 COUNTED = 50  # episodes that say how much a tree waits
-CHANGES = 5  # sentences on what practice changed
+CHANGES = 5  # sentences on the changes by practice
 
 
 @dataclass(frozen=True, eq=False)
 class Way:
-    """A tree to choose: its name, the words of its button, what it reached, where it is kept."""
+    """A tree to choose: its name, the words of its button, its result, and where it is kept."""
 
     name: str
     keep: str
@@ -52,7 +52,7 @@ def smaller(
     """Return the best smaller tree of each size by playing, the largest first.
 
     Args:
-        tree: The tree.
+        tree: The tree to make smaller.
         observations: Recorded observations, shape [N, d], in its features.
         env: Where trees play.
         seed: Seed of the episodes.
@@ -70,12 +70,12 @@ def beside_each_other(
     *,
     seed: int,
 ) -> dict[str, Any]:
-    """Return a ``TreeView``'s fields on the ways, and on what practice changed; none for one way.
+    """Return a ``TreeView``'s fields on the ways and the changes by practice; none for one way.
 
     Args:
         ways: The trees to choose from, the tree of the person's way first.
         kept: The tree that is chosen at present.
-        demonstrations: What the person has shown.
+        demonstrations: The episodes of the person.
         env: Where it is counted how much a tree waits.
         seed: Seed of these episodes.
     """
@@ -100,7 +100,7 @@ def value(played: Evaluation | FrontEntry) -> float:
 
 
 def _cells(result: Evaluation, episodes: Iterable[Episode], idle: int | None) -> tuple[str, ...]:
-    """Return what a way reaches, its steps, how much of them it waits, and its worst episodes."""
+    """Return the result of a way, its steps, how much of them it waits, and its worst episodes."""
     taken = np.concatenate([episode.actions for episode in episodes])
     waits = () if idle is None else (f"{100 * np.mean(taken == idle):.0f} %",)
     low = np.quantile(result.returns, 0.05)
@@ -110,7 +110,7 @@ def _cells(result: Evaluation, episodes: Iterable[Episode], idle: int | None) ->
 def _changes(
     before: TreePolicy, after: TreePolicy, demonstrations: Demonstrations
 ) -> tuple[str, ...]:
-    """Return what a tree does otherwise than an earlier one, where the person was."""
+    """Return the decisions of a tree that an earlier one makes otherwise, where the person was."""
     if before is after or before.history != after.history:
         return ()
     rows = demonstrations.with_history(before.history).observations
@@ -123,10 +123,10 @@ STRIPS = 6  # that are looked at
 
 
 def hurt_views(found: "Hurting", numbers: Sequence[int]) -> tuple[HurtView, ...]:
-    """Return what was found for the page.
+    """Return the segments found for the page.
 
     Args:
-        found: What was found.
+        found: The search for segments that hurt.
         numbers: The number of each episode in its folder.
     """
     return tuple(_hurt_view(one, found.demonstrations, numbers) for one in found.hurts)

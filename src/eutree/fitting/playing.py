@@ -21,8 +21,8 @@ from eutree.policy_search.planner import Planner
 from eutree.training import Run, learn
 from eutree.trees.edit import graft, merge
 
-TIE = 1e-9  # of a success: what a unit of return is worth beside it
-Progress = Callable[[str, int, int], None]  # what for, episodes played for it, at most so many
+TIE = 1e-9  # of a success: the worth of a unit of return beside it
+Progress = Callable[[str, int, int], None]  # the purpose, episodes played for it, at most so many
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,8 +30,8 @@ class Played:
     """Episodes that a tree has played.
 
     Attributes:
-        policy: The tree.
-        episodes: What came of it, at least one episode.
+        policy: The tree that played.
+        episodes: Its episodes, at least one.
     """
 
     policy: TreePolicy
@@ -51,7 +51,7 @@ class Played:
 
     @property
     def worths(self) -> Floats:
-        """What trees are compared by, [E]: success where there is any, among equals the return."""
+        """The worth of each episode, [E]: success where it is known, among equals the return."""
         return np.array([
             bool(episode.is_success) + TIE * episode.undiscounted_return
             for episode in self.episodes
@@ -77,7 +77,7 @@ class Player:
     """Plays trees in one environment and counts every episode.
 
     Args:
-        env: The environment.
+        env: The environment in which trees play.
         seed: Seed of all that is played; the episodes of a block are the same for every tree.
         on_progress: Told after each episode.
 
@@ -97,11 +97,11 @@ class Player:
         self.begin("playing", 1)
 
     def begin(self, stage: str, most: int) -> None:
-        """Say what the next episodes are played for, and how many there may be of them."""
+        """Set the purpose of the next episodes, and how many there may be of them."""
         self._stage, self._most, self._before = stage, most, self.episodes
 
     def play(self, policy: TreePolicy, episodes: int, block: int, *, first: int = 0) -> Played:
-        """Return what came of so many episodes of a block, from the ``first`` one on.
+        """Return the play of a tree in so many episodes of a block, from the ``first`` one on.
 
         Raises:
             EnvironmentFault: The environment broke its contract.
@@ -122,10 +122,10 @@ class Player:
     def contest(
         self, rule: Halving, rivals: Sequence[TreePolicy], block: int
     ) -> tuple[int, Played]:
-        """Return which tree has won, the first of equals, and what it has played.
+        """Return the number of the winner, the first of equals, and its play.
 
         Args:
-            rule: Decides.
+            rule: Decides when a tree drops out.
             rivals: The trees, at least one.
             block: Where their episodes come from.
         """
@@ -140,9 +140,9 @@ class Player:
         return winner, plays[winner]
 
 
-# C4.5 takes the most frequent action of a leaf. Whoever waits shows the waiting many times and
+# C4.5 takes the most frequent action of a leaf. A person who waits shows the waiting many times and
 # the going on once: where no test tells them apart, the leaf waits for ever. Three changes of
-# such a leaf stay within what was shown: another action that was shown there; the cuts that C4.5
+# such a leaf stay within the demonstrations: another action shown there; the cuts that C4.5
 # finds in the leaf's own steps when neither penalty nor pruning forbids them; and the most
 # frequent action below the test above it, which gives that test up. Which of them is right, if
 # any, playing says.
@@ -167,7 +167,7 @@ def blame(played: Played, failed: Booleans) -> Floats:
     the others it decided in at all.
 
     Args:
-        played: What the tree has played.
+        played: The episodes of the tree.
         failed: Which of the episodes failed, shape [E].
     """
     n_leaves = played.policy.n_leaves
@@ -186,7 +186,7 @@ def blame(played: Played, failed: Booleans) -> Floats:
 def repairs(
     policy: TreePolicy, demonstrations: Demonstrations, leaf: int
 ) -> Iterator[tuple[TreePolicy, str]]:
-    """Yield trees in which one leaf is changed, and what was changed, in words."""
+    """Yield trees in which one leaf is changed, and the change in words."""
     shown = shown_in(policy, demonstrations)
     taken, names = int(policy.actions[leaf]), policy.schema.actions
     for action in np.argsort(-shown[leaf], kind="stable").tolist():
@@ -222,11 +222,11 @@ def _cut(policy: TreePolicy, demonstrations: Demonstrations, leaf: int) -> TreeP
     return _labelled(replace(policy, tree=scion, actions=labels), labels)
 
 
-MOST_KNOWN = 20_000  # steps of what a tree has played that practice begins with
+MOST_KNOWN = 20_000  # steps of the tree's own play that practice begins with
 
 # Hundreds of episodes are known to begin with, so it is planned early and often: waiting until they
 # have grown by 6 % would leave a hundred episodes of practice one or two challengers. Nearly all of
-# them were played by the tree itself, so they say what it can do.
+# them were played by the tree itself, so they show how well it plays.
 METHOD = PlanningMethod(
     gathering_episodes=10,
     planner=Planner(growth=1.02, trust_demonstrations=True),
@@ -245,20 +245,20 @@ def practise(
     on_progress: Callable[[Run], None] | None = None,
     stop: Callable[[], bool] = lambda: False,
 ) -> tuple[TreePolicy, ...]:
-    """Return what learning makes of a tree in ``episodes`` episodes: one tree, or two.
+    """Return the trees learned from a tree in ``episodes`` episodes: one, or two.
 
     The first is the policy. The second is the challenger whose evaluation the end of the practice
     has cut short, if there is one: mostly the better of both. Let them play, and take the better.
 
-    Learning begins with what the tree has played, besides what was shown: the model of the world in
+    Learning begins with the tree's own play, besides the demonstrations: the model of the world in
     which it plans is better by that, for nothing.
 
     Args:
         tree: The tree to go on from.
-        demonstrations: What was shown.
-        played: What the tree has played since; the last ``MOST_KNOWN`` steps are used.
-        env: Where to practise.
-        episodes: How long.
+        demonstrations: The episodes to imitate.
+        played: The tree's episodes since; the last ``MOST_KNOWN`` steps are used.
+        env: The environment of the practice.
+        episodes: Episodes of practice.
         seed: The same seed gives the same tree.
         on_progress: Called after each episode, as by ``eutree.learn``.
         stop: Asked before every step; True ends the practice at its last finished episode.

@@ -1,4 +1,4 @@
-"""What came of a fit."""
+"""The result of a fit."""
 
 import math
 import shlex
@@ -73,7 +73,7 @@ class Person:
     def is_above(self, tree: Evaluation) -> bool:
         """Return whether a tree falls short of the person by more than ``MARGIN``, as it seems.
 
-        That is what a repair begins with; whether it is so is said by ``eutree.fitting.report``.
+        A repair begins with that impression; ``eutree.fitting.report`` says whether it is so.
         """
         if self.success_rate is not None and tree.success_rate is not None:
             return tree.success_rate < self.success_rate - MARGIN
@@ -139,7 +139,7 @@ def result_in_words(result: Evaluation | None, measure: str = "") -> str:
 
     Args:
         result: The episodes; None if there is none.
-        measure: What is compared; by default successes where they are known, else returns.
+        measure: The measure compared; by default successes where they are known, else returns.
     """
     if result is None:
         return "no episode played alone to its end"
@@ -228,7 +228,7 @@ class Proposal:
 
     @property
     def hint(self) -> str:
-        """What it would improve, and how to ask for it; empty where that is not much."""
+        """The gain that it would bring, and how to ask for it; empty where that is not much."""
         (before, after), (agreed, agrees) = self.leaves, self.agreement
         worth = after <= CLEARLY_SHORTER * before or agrees >= agreed + CLEARLY_BETTER
         if self.taken or self.played or not worth:
@@ -240,7 +240,7 @@ class Proposal:
         )
 
     def __str__(self) -> str:
-        """Return what became of it and why, in one line."""
+        """Return whether it was taken and why, in one line."""
         (leaves, fewer), (agreed, agrees) = self.leaves, self.agreement
         what = "derived" if self.taken else "not derived" if self.played else "proposed"
         line = (
@@ -257,17 +257,17 @@ class FitReport(Displayed):
     """A tree made of demonstrations, and how good it is beside them.
 
     Attributes:
-        policy: The tree.
-        person: What the demonstrator has reached.
-        played: What the tree has reached in fresh episodes; None if it was not played.
+        policy: The fitted tree.
+        person: The result of the demonstrator.
+        played: The tree's fresh episodes; None if it was not played.
         choice: How the tree was made, in words.
-        warnings: What to know before relying on it, in sentences; empty if all is well.
+        warnings: The faults to know before relying on it, in sentences; empty if all is well.
         n_transitions: Steps that were shown.
         training_accuracy: Share of them that the tree decides as shown.
         n_candidates: Trees that were compared.
         episodes_played: Episodes played in all: to choose, to repair, to judge, to practise.
         before_practice: The report of the tree that practice began with; None without practice.
-        plays: What the tree has played so far: ``eutree.fitting.playing`` goes on from it.
+        plays: The tree's episodes so far: ``eutree.fitting.playing`` goes on from them.
         proposals: Derived features that were tried, or that are worth declaring.
     """
 

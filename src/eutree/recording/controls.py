@@ -1,4 +1,4 @@
-"""What a person acts with: the keys under their hands, and how fast and in which mode they act."""
+"""The controls of a person: the keys under their hands, the pace and the mode of acting."""
 
 from typing import Any
 
@@ -20,7 +20,7 @@ TURN_SECONDS = 0.25  # of the picture's movement after a step in the turn-based 
 class Pace:
     """The time between two decisions, which can be slowed down, sped up and stopped.
 
-    It has no clock: whoever asks says what time it is.
+    It has no clock: each call is given the time.
 
     Args:
         fps: Decisions per second at speed 1.
@@ -46,7 +46,7 @@ class Pace:
     def begin(self, now: float) -> None:
         """Start the interval that follows a step; delays do not add up.
 
-        What is late by less than an interval is made up for, at most half an interval at once.
+        A delay of less than an interval is made up for, at most half an interval at once.
         """
         late = now - self.due(now)
         kept = min(late, self.interval / 2.0) if 0.0 <= late < self.interval else 0.0
@@ -104,12 +104,12 @@ class Controls:
     """The keys under a person's hands, in three modes (hold, toggle, turn-based), and their pace.
 
     Args:
-        keys: What the keys mean.
-        pace: When steps are due.
+        keys: The meaning of the keys.
+        pace: The times at which steps are due.
 
     Attributes:
-        keys: What the keys mean.
-        pace: When steps are due.
+        keys: The meaning of the keys.
+        pace: The times at which steps are due.
         held: Keys that are down, in the order in which they went down.
         action: The last action taken.
         toggle: Whether a key switches its action on and off.
@@ -129,7 +129,7 @@ class Controls:
         self._switched: int | None = None  # the action that is on, in the toggle mode
 
     def press(self, key: str) -> None:
-        """Take note of an action key, for the mode in which holding it is not what counts."""
+        """Take note of an action key, for the mode in which a press switches the action."""
         if self.toggle:
             action = self.keys.action([key], self.action)
             self._switched = None if self._switched == action else action
@@ -160,7 +160,7 @@ class Controls:
         return None if name is None else Command(name)
 
     def facts(self) -> dict[str, Any]:
-        """Return what is stored with an episode: the keys that act, and in which mode."""
+        """Return the facts to store with an episode: the keys that act, and in which mode."""
         return {
             "keys": list(self.keys.keys),
             "toggle": self.toggle,

@@ -20,15 +20,15 @@ _COMMANDS = ("start", "pause", "redo", "end", "discard", "finish")
 
 
 class Driving:
-    """What a tree does while a person watches, or corrects it.
+    """The driving of a tree while a person watches, or corrects it.
 
-    After an episode of which there is something to read it waits for a key; after any other it goes
-    on by itself.
+    After an episode whose failure is explained it waits for a key; after any other it goes on
+    by itself.
 
     Args:
         env: The environment of the session.
-        play: What the person sees, and at which pace.
-        recording: Where corrected episodes go.
+        play: Shows the pictures and keeps the pace.
+        recording: Takes the corrected episodes.
     """
 
     def __init__(self, env: GuardedEnv, play: Play, recording: Recording) -> None:
@@ -110,7 +110,7 @@ class Driving:
             self._step(now)
 
     def view(self) -> DrivingView | None:
-        """Return what the page shows of it; None while the person alone acts."""
+        """Return its fields on the page; None while the person alone acts."""
         if not self.is_on or self._programme is None or self._course is None:
             return None
         watched = self._play.state == WATCHING
@@ -132,7 +132,7 @@ class Driving:
 
     @property
     def _why(self) -> str:
-        """What went wrong in the watched episode that is over."""
+        """The cause of the failure in the watched episode that is over."""
         programme, is_over = self._programme, self._over_at is not None
         if programme is None or self._play.state != WATCHING or not is_over or self._success:
             return ""

@@ -1,6 +1,6 @@
-"""What a session records: its episodes, each from a start of its own, and what is to be stored.
+"""The episodes of a session, each from a start of its own, and the outputs to be stored.
 
-What is to be imitated of them may change: segments that hurt are cut, flipped, or shown again.
+The actions to imitate in them may change: segments that hurt are cut, flipped, or shown again.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -38,7 +38,7 @@ class Trial:
     """One episode, from reset to end.
 
     Args:
-        observation: What was sensed after reset, shape [d]; None if nothing is recorded.
+        observation: The observation after reset, shape [d]; None if nothing is recorded.
         seed: Seed given to reset.
         extras: Facts about the episode; ``"keys"`` names the keys whose state goes with each step.
         held: Keys held at reset.
@@ -122,7 +122,7 @@ class Recording:
     """The episodes of one session in one environment, after those recorded before.
 
     Args:
-        env: The environment.
+        env: The environment in which the person acts.
         settings: The seed, the first start, and how many episodes are wanted.
         recorded: Episodes recorded before, with their numbers, in order.
         free_start: The least number of a start that nobody else has taken, asked before each new
@@ -130,11 +130,11 @@ class Recording:
 
     Attributes:
         episodes: All episodes, discarded ones included.
-        numbers: Their numbers.
+        numbers: The number of each episode in its folder.
         last: Place of this session's last episode in the list; None before the first, and after
             one that ended before its first step.
         start: Number of the present start. It is advanced when an episode is stored.
-        missing: An episode that lacks what was not shown yet, to begin one like it; None if none is
+        missing: An episode with a situation not shown yet, to begin one like it; None if none is
             known.
     """
 
@@ -171,7 +171,7 @@ class Recording:
         return episode_views(self.numbers, self.episodes, self._env.env)
 
     def take_outputs(self) -> list[Output]:
-        """Return what is to be stored, once."""
+        """Return the outputs to be stored, once."""
         outputs, self._outputs = self._outputs, []
         return outputs
 
@@ -188,7 +188,7 @@ class Recording:
         """Reset the environment for an episode.
 
         Args:
-            extras: Facts about it.
+            extras: Facts about the episode.
             held: Keys held at its beginning.
         """
         observation = self._env.reset(self._seed())
@@ -215,7 +215,7 @@ class Recording:
             self._keep(trial.finish())
 
     def stop(self, trial: Trial, *, kept: bool, comment: str = "", ending: str = STOPPED) -> None:
-        """End an episode by the person's wish, or by what ``ending`` says."""
+        """End an episode by the person's wish, or for the reason ``ending``."""
         if trial.n_steps:
             self._keep(replace(trial.finish(ending), kept=kept, comment=comment))
         else:  # nothing was shown: the start is unused
@@ -247,13 +247,13 @@ class Recording:
 
 
 class Lessons:
-    """The segments that hurt, and what becomes of them; what was done stays in the episodes.
+    """The segments that hurt, and the changes to them; the actions taken stay in the episodes.
 
     Args:
-        recording: The episodes.
+        recording: The episodes of the session.
 
     Attributes:
-        hurts: Segments that cost the tree its success; whoever has found them sets them.
+        hurts: Segments that cost the tree its success; set by the search that found them.
         again: The segment that the next episode shows again; None for none.
     """
 
@@ -261,14 +261,14 @@ class Lessons:
         self._recording = recording
         self.hurts: tuple[HurtView, ...] = ()
         self.again: Segment | None = None
-        self._before: dict[int, Episode] = {}  # what was changed last, as it was
+        self._before: dict[int, Episode] = {}  # the episodes that were changed last, as they were
 
     def teach(self, numbers: Iterable[int], how: str | None) -> bool:
         """Cut or flip segments that hurt; return whether there was anything to change.
 
         Args:
-            numbers: Their numbers.
-            how: ``"cut"`` or ``"flip"``; None for what is proposed for each.
+            numbers: The places of these segments' groups in ``hurts``.
+            how: ``"cut"`` or ``"flip"``; None for the proposal of each.
         """
         self._before = {}
         for number in numbers:
@@ -277,7 +277,7 @@ class Lessons:
         return bool(self._before)
 
     def take_back(self) -> None:
-        """Let what was cut or flipped last be imitated as before."""
+        """Let the steps that were cut or flipped last be imitated as before."""
         for index, episode in self._before.items():
             self._recording.change(index, self._recording.episodes[index].teaching(episode.taught))
         self._before = {}

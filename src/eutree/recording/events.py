@@ -1,4 +1,4 @@
-"""What goes into a recording session, and what comes out of it to be stored and shown."""
+"""The inputs of a recording session, and its outputs to be stored and shown."""
 
 from dataclasses import dataclass, field
 from typing import Annotated, Any
@@ -13,12 +13,12 @@ from eutree.validation import check_integer, check_number, check_seed
 
 Number = Annotated[int, msgspec.Meta(ge=0, lt=2**32)]  # of a picture or of a key
 
-# ---- in: what a session is told at its start, what the person and the viewer did
+# ---- in: the settings of a session, and the acts of the person and the viewer
 
 
 @dataclass(frozen=True, kw_only=True)
 class SessionSettings:
-    """What a session is told at its start.
+    """The settings of a session.
 
     Attributes:
         target: How many kept episodes are wanted.
@@ -28,7 +28,7 @@ class SessionSettings:
         hud: Show the observation's numbers, which the paper's expert does not see.
         countdown: Seconds before an episode; a third of it when it goes on after a pause.
         makes: Whether a tree can be made of the demonstrations where they are recorded.
-        viewer: What the person looks at, for the episode's extras.
+        viewer: The person's view, for the episode's extras.
     """
 
     target: int = 15
@@ -97,7 +97,7 @@ class Command(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="do")
 
 Event = KeyDown | KeyUp | Seen | Away | Present | Command
 
-# ---- out: what is to be stored
+# ---- out: to be stored
 
 
 @dataclass(frozen=True)
@@ -144,7 +144,7 @@ class EpisodeChanged:
 
 Output = EpisodeStarted | StepTaken | EpisodeEnded | EpisodeAbandoned | EpisodeChanged
 
-# ---- out: what is to be shown
+# ---- out: to be shown
 
 
 @dataclass(frozen=True)
@@ -180,21 +180,21 @@ class EpisodeView:
 
 @dataclass(frozen=True)
 class DrivingView:
-    """What is to be seen while a tree drives."""
+    """The picture and the facts to be seen while a tree drives."""
 
     number: int  # of the episode, from 1
     of: int  # 0 where it goes on until the person has enough
     action: int  # the tree's
     by_hand: bool  # the person acts in its place
     n_by_hand: int  # steps in which the person acted
-    note: str  # what these episodes are
+    note: str  # on these episodes as a whole
     is_over: bool
     is_paused: bool
     ending: str
     success: bool | None
-    why: str  # what went wrong in the episode that is over
+    why: str  # the cause of failure in the episode that is over
     nodes: tuple[int, ...]  # the way through the tree, from the root to the leaf
-    tests: tuple[str, ...]  # on that way, with what was sensed
+    tests: tuple[str, ...]  # on that way, with the values sensed
 
 
 @dataclass(frozen=True)
@@ -217,7 +217,7 @@ class View:
     actions: list[ActionView]
     controls: dict[str, str]
     episodes: list[EpisodeView]
-    leaving: bool  # whoever leaves now gives up the tree that is being made, and is asked
+    leaving: bool  # leaving now gives up the tree that is being made: the person is asked
     coming: int  # the action that the held keys mean, taken at the next decision
     awaits_key: bool  # the first decision comes with the first action key
     interval: float  # seconds between two decisions
@@ -225,7 +225,7 @@ class View:
     is_slowed: bool  # the task is quick, and is shown slowly
     task: str
     makes: bool
-    missing: str  # what was not shown yet, and where the next episode may begin
+    missing: str  # the situation not shown yet, where the next episode may begin
     can_watch: bool
     can_correct: bool
     driving: DrivingView | None
@@ -235,7 +235,7 @@ class View:
 
 @dataclass(frozen=True)
 class Tick:
-    """What a session says at one moment: its view, a new picture if there is one, what to store."""
+    """The answer of a session at one moment: its view, a new picture if any, its outputs."""
 
     view: View
     frame: Frame | None

@@ -1,7 +1,7 @@
 """Keys by their names, the actions they mean, and the keys that control a recording.
 
 A key's name is that of the page: ``"space"``, ``"left"``, ``"a"``.
-What the keys held mean is a pure function of their names, in the order in which they went down.
+The action of the keys held is a pure function of their names, in the order they went down in.
 """
 
 import re
@@ -45,7 +45,7 @@ _PARTICLES = ("up", "down", "back", "forward")
 _MOTIONS = ("accelerate", "climb", "drive", "fly", "go", "head", "jump", "look", "move", "pull",
             "push", "roll", "run", "slide", "step", "steer", "swim", "tilt", "turn",
             "walk")  # fmt: skip
-_BESIDE_ARROWS = ("space", "enter")  # for what is done where one has moved to
+_BESIDE_ARROWS = ("space", "enter")  # for acts at the place where one has moved to
 _NO_KEY = "none"
 
 # The first key of each row that is no action key is the one that counts.
@@ -184,8 +184,8 @@ def keys_of_environment(env: gymnasium.Env[Any, Any], schema: Schema) -> KeyMap:
 def suggested_keys(schema: Schema) -> KeyMap:
     """Return keys that suit the names of the actions.
 
-    Arrows where a name says a direction, then Space and Enter for what is done besides; digits
-    where no name says one.
+    Arrows where a name says a direction, then Space and Enter for other acts; digits where no name
+    says one.
     """
     idle = _idle_by_name(schema)
     arrows = [

@@ -86,7 +86,7 @@ class Pictures:
             self.drawn, self._drawn_time = number, now
 
     def facts(self, speed: float) -> dict[str, float]:
-        """Return what is stored with a step: the pictures drawn and given out, and the speed."""
+        """Return the facts to store with a step: pictures drawn and given out, and the speed."""
         return {"frame": self.drawn, "picture": self.given, "speed": speed}
 
     def are_seen(self, now: float) -> bool:
@@ -106,15 +106,15 @@ class Play:
     """An episode as it is played.
 
     Args:
-        controls: What the person acts with.
-        pictures: What the person sees.
+        controls: The keys of the person, and their pace.
+        pictures: The pictures that the person sees.
         countdown: Seconds before an episode; a third of it when it goes on after a pause.
 
     Attributes:
-        controls: What the person acts with.
-        pictures: What the person sees.
+        controls: The keys of the person, and their pace.
+        pictures: The pictures that the person sees.
         state: One of the states above.
-        message: What to tell the person.
+        message: The message to the person.
         trial: The episode; an unused one before the first.
     """
 

@@ -32,11 +32,11 @@ def record(
             environment, like ``eutree.experts.wait_at_crossing``; or a function from an observation
             to an action. Of an action that sets quantities it may answer with the number, an
             integer, or with the quantities, floats: the nearest levels are recorded.
-        episodes: How many.
+        episodes: How many to record.
         seed: Seed of the recording; episode k is seeded with ``episode_seed(seed, k, 1)``.
         strict: Refuse observations outside the observation space.
         out: A new folder, as ``Demonstrations.save`` makes it, in which each episode is written
-            when it ends: what ends the recording costs the episode under way and no other.
+            when it ends: an early end of the recording costs only the episode under way.
         on_episode: Called after each episode with its number and the episode.
 
     Raises:
@@ -68,10 +68,10 @@ def record(
 
 
 def play(policy: Controller, env: Environment, *, seed: int | None = None) -> Episode:
-    """Let a policy act in an environment for one episode, and return what happened.
+    """Let a policy act in an environment for one episode, and return the episode.
 
-    A tree gets what it reads, the past included, whatever form the environment's observations have,
-    and what it sets reaches the environment in the form that its action space has. To watch it,
+    A tree gets the features that it needs, the past included, whichever form the observations have,
+    and its quantities reach the environment in the form of its action space. To watch it,
     make the environment with ``render_mode="human"``.
 
     Args:

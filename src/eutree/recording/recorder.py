@@ -1,4 +1,4 @@
-"""A session with a folder: what it says is to be stored is stored before anything is shown."""
+"""A session with a folder: its outputs are stored before anything is shown."""
 
 from collections.abc import Iterable
 from dataclasses import replace
@@ -33,15 +33,15 @@ class Recorder:
 
     A finished episode is written at once and completely; the running one is in a journal, step by
     step, so that the death of the process loses at most the step in flight. An existing folder of
-    the same environment is continued; what a dead recorder left in it becomes an episode that
+    the same environment is continued; the journal of a dead recorder becomes an episode that
     ended ``"interrupted"``.
 
     Args:
         env: The environment, made with ``render_mode="rgb_array"``.
-        folder: Where to record.
-        keys: What the keys mean, as text (``"left=0,right=1"``) or as a map; None for the
+        folder: The folder of the recording.
+        keys: The meaning of the keys, as text (``"left=0,right=1"``) or as a map; None for the
             environment's own.
-        settings: Everything else; ``first`` is set to follow the folder's last episode.
+        settings: The session's settings; ``first`` is set to follow the folder's last episode.
 
     Raises:
         InvalidArgumentError: The folder holds demonstrations of another environment, or the keys
@@ -79,7 +79,7 @@ class Recorder:
         )
 
     def tick(self, now: float, events: Iterable[Event] = ()) -> Tick:
-        """Let the session take in what happened; store what it says, then return it."""
+        """Pass the events to the session; store its outputs, then return its answer."""
         tick = self.session.tick(now, events)
         try:
             for output in tick.outputs:
@@ -97,13 +97,13 @@ class Recorder:
             self.folder.recover()
 
     def raise_failure(self) -> None:
-        """Raise what ended the session, if it was a fault of the environment or of the folder."""
+        """Raise the error that ended the session: a fault of the environment or of the folder."""
         failure = self._failure or self.session.fault
         if failure is not None:
             raise failure
 
     def _fail(self, error: FileError) -> None:
-        """End the session; the journal keeps what was written before the disk was full."""
+        """End the session; the journal keeps the steps written before the disk was full."""
         self._failure = error
         self.session.fail(str(error))
         if self._running is not None:

@@ -1,4 +1,4 @@
-"""A tree drives in the recorder's picture: which episodes it shows, and what became of each.
+"""A tree drives in the recorder's picture: the episodes it shows, and the outcome of each.
 
 The episodes are those that judged the tree, from the same seeds, so a failure that was counted is
 a failure that is seen. Failures come first. Why an episode failed is found by playing: which one
@@ -31,7 +31,7 @@ class Scene:
 
     Attributes:
         seed: Seed of its reset.
-        why: What went wrong, in a sentence; empty where nothing did, or nobody knows.
+        why: The cause of its failure, in a sentence; empty if there is none, or none is known.
     """
 
     seed: int
@@ -43,9 +43,9 @@ class Programme:
     """A tree, and the episodes in which it is to be seen.
 
     Attributes:
-        policy: The tree.
+        policy: The tree that drives.
         scenes: The episodes, failures first; none where there is nothing to watch.
-        note: What they are: ``"4 of 200 episodes failed"``.
+        note: A sentence on all of them: ``"4 of 200 episodes failed"``.
         refit: Makes the tree of all that is stored by now; None where nobody may take over.
     """
 
@@ -73,12 +73,12 @@ def worst_first(returns: Floats, successes: Sequence[bool] | None) -> tuple[list
 def missing(
     policy: TreePolicy, seeds: Sequence[int], successes: Sequence[bool], env: GuardedEnv
 ) -> Scene | None:
-    """Return an episode that lacks what was never shown, and what that is; None if none is found.
+    """Return an episode with a situation never shown, named in ``why``; None if none is found.
 
     It is a failure in which one decision, taken otherwise, would have led to success.
 
     Args:
-        policy: The tree of what has been shown so far.
+        policy: The tree of all demonstrations so far.
         seeds: Seeds of episodes that it has played, [E].
         successes: Whether each one succeeded, [E].
         env: Where they are played again.
@@ -94,7 +94,7 @@ def missing(
 
 
 def explained(scene: Scene, policy: TreePolicy, env: GuardedEnv) -> Scene:
-    """Return the scene with a sentence on what went wrong, found by playing it otherwise.
+    """Return the scene with a sentence on the cause of its failure, found by playing it otherwise.
 
     Raises:
         EnvironmentFault: The environment broke its contract.
@@ -105,11 +105,7 @@ def explained(scene: Scene, policy: TreePolicy, env: GuardedEnv) -> Scene:
 
 
 class Course:
-    """The decisions of a tree in one episode, and the way through the tree that each one takes.
-
-    Args:
-        policy: The tree.
-    """
+    """The decisions of a tree in one episode, and the way through the tree that each one takes."""
 
     def __init__(self, policy: TreePolicy) -> None:
         self.policy = policy
@@ -123,7 +119,7 @@ class Course:
         """Return the action at an observation, shape [d]; ``nodes`` and ``tests`` say why.
 
         Args:
-            observation: What is sensed.
+            observation: The sensed values, shape [d].
             allowed: Which actions are allowed, shape [A]; None for all.
         """
         policy = self.policy
@@ -136,7 +132,7 @@ class Course:
         return self.action
 
     def _test(self, node: int, value: float) -> str:
-        """Return one test of the way, with what was sensed: ``"position 6.2 m ≤ 7.1"``."""
+        """Return one test of the way, with the value sensed: ``"position 6.2 m ≤ 7.1"``."""
         tree, feature = self.policy.tree, int(self.policy.tree.feature[node])
         cut = float(tree.threshold[node])
         words = self._digits.at_most if value <= cut else self._digits.above
@@ -150,7 +146,7 @@ def _valued(policy: TreePolicy, feature: int, value: float) -> str:
 
 
 def _reasons(shown: Episode, policy: TreePolicy, env: GuardedEnv) -> Iterator[str]:
-    """Yield what would have been better, the decision nearest to the end first."""
+    """Yield the decisions that would have been better, the one nearest to the end first."""
     length, played = len(shown), 0
     for step in _suspects(shown, policy):
         taken = int(shown.actions[step])
@@ -219,7 +215,7 @@ def _sentence(
 
 
 def _last_words(shown: Episode, policy: TreePolicy) -> str:
-    """Return what the last decision was, where no single decision would have been better."""
+    """Return the last decision in words, where no single decision would have been better."""
     names, step = policy.schema.actions, len(shown) - 1
     return (
         f"The last decision was {printable(names[int(shown.actions[step])])}"
@@ -229,7 +225,7 @@ def _last_words(shown: Episode, policy: TreePolicy) -> str:
 
 
 def _circumstances(shown: Episode, step: int, policy: TreePolicy) -> str:
-    """Return what was sensed then, what the tree asked for first: `` with ...``."""
+    """Return the values sensed then, those first that the tree tests: `` with ...``."""
     rows, schema = shown.with_features(policy.features).observations, policy.schema
     seen, before = rows[step], rows[max(step - 1, 0)]
     path = policy.tree.path(policy.tree.leaf_of(seen.tolist()))[:-1]
@@ -256,13 +252,13 @@ def scenes(
     successes: Sequence[bool] | None,
     env: GuardedEnv,
 ) -> Programme:
-    """Return what to show of a tree that has played episodes, worst first, failures explained.
+    """Return the scenes of a tree that has played episodes, worst first, failures explained.
 
     Args:
-        policy: The tree.
+        policy: The tree that has played.
         seeds: Seeds of the episodes, [E].
         returns: Their returns, [E].
-        successes: Whether each one succeeded, [E]; None where nothing says so.
+        successes: Whether each one succeeded, [E]; None if that is not reported.
         env: Where they are played again to explain them.
     """
     chosen, n_failed = worst_first(returns, successes)

@@ -1,14 +1,14 @@
-"""The recording engine: a person acts in an environment, step by step, on anybody's clock.
+"""The recording engine: a person acts in an environment, step by step, on any clock.
 
-A session has no clock and does no input or output. ``tick`` is told what time it is and what
-happened since the last tick; it answers with what to show and what to store. So a page and
+A session has no clock and does no input or output. ``tick`` is given the time and the events since
+the last tick; it answers with the view to show and the outputs to store. So a page and
 a test drive the same engine.
 
-What is stored is what the person saw:
+The stored episode is the one that the person saw:
 
 * The picture of step t is given out before the action of step t is read.
-* The first action is read one interval after the countdown, so that whoever reacts to what they
-  see has the time to; without an idle action it is read when the first action key goes down.
+* The first action is read one interval after the countdown, so that a person can react to the first
+  picture; without an idle action it is read when the first action key goes down.
 * With each step go the time, the last picture that the viewer reported as drawn, the keys held,
   and when and over which picture they last changed. A late reaction stays in the data as it was.
 * An episode that the person ends is ``"stopped"``, neither terminated nor truncated.
@@ -21,7 +21,7 @@ States::
                    +-------- paused      +--> finished
 
 While a tree drives (:mod:`eutree.recording.driving`) the state is ``"watching"``, or
-``"driving"`` where the person may take over; then it is what it was, opening or review.
+``"driving"`` where the person may take over; then it is opening or review again, as before.
 """
 
 from collections.abc import Callable, Collection, Iterable, Sequence
@@ -67,8 +67,8 @@ from eutree.recording.views import (
     task_description,
 )
 
-FEW = 2  # demonstrations before one says what is missing
-EDITS = ("cut", "flip", "all", "again", "undo", "accept")  # of what was shown
+FEW = 2  # demonstrations before the page names a situation not shown yet
+EDITS = ("cut", "flip", "all", "again", "undo", "accept")  # of the demonstrations
 
 
 class Session:
@@ -76,22 +76,22 @@ class Session:
 
     Args:
         env: The environment, made with ``render_mode="rgb_array"``.
-        keys: What the keys mean; None for the environment's own keys, else a suggestion.
-        settings: Everything else.
+        keys: The meaning of the keys; None for the environment's own keys, else a suggestion.
+        settings: Seed, target and pace, as a page or a command has them.
         recorded: Episodes recorded before, with their numbers, in order.
         free_start: The least number of a start that nobody else has taken, asked before each new
             one: two recorders may share a folder.
 
     Attributes:
         env: The environment.
-        settings: What the session was told at its start.
+        settings: The settings of the session.
         play: The course of the present episode.
         recording: The episodes.
-        lessons: What of them is to be imitated.
-        wishes: What is to be done with them.
+        lessons: The steps to be imitated, and the changes to them.
+        wishes: The person's wishes for the demonstrations.
         driving: The tree that the person watches, if there is one.
         task: The task in the environment's own words; may be empty.
-        fault: What the environment did wrong; None as long as it did not.
+        fault: The environment's breach of its contract; None as long as there is none.
         allowed: The commands that are obeyed; None for all.
     """
 
@@ -138,7 +138,7 @@ class Session:
 
     @property
     def state(self) -> str:
-        """What the session is doing: one of the states above."""
+        """The state of the session: one of those above."""
         return self.play.state
 
     @property
@@ -152,7 +152,7 @@ class Session:
         return self.recording.episodes
 
     def tick(self, now: float, events: Iterable[Event] = ()) -> Tick:
-        """Take in what happened until ``now``; return what to show and to store."""
+        """Take in the events until ``now``; return the view to show and the outputs to store."""
         frame, known = None, self.recording.n_kept
         try:
             if self.state == OPENING and not self._is_prepared:
@@ -230,7 +230,7 @@ class Session:
             play.message = refused or play.message
 
     def _wish(self, name: str, value: int, now: float) -> None:
-        """Let something be done with the demonstrations; what is cut or flipped is stored first."""
+        """Take up a wish for the demonstrations; segments cut or flipped are stored first."""
         if name not in EDITS:
             self.wishes.express(name, value)
         elif self.wishes.is_busy:

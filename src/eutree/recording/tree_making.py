@@ -1,6 +1,6 @@
-"""What a page shows of the tree that is made of its demonstrations, and who makes it.
+"""The page's view of the tree that is made of its demonstrations, and the protocol of its maker.
 
-Recording knows nothing of learning: whoever opens the page hands in a ``TreeMaker``.
+Recording knows nothing of learning: the page is handed a ``TreeMaker``.
 """
 
 from collections.abc import Callable, Sequence
@@ -20,9 +20,9 @@ class WayView:
     """One way of doing the task, beside others, in JSON's types.
 
     Attributes:
-        name: Whose it is: ``"your tree"``, ``"practised"``.
-        cells: What it reaches, how long it takes, waits and risks, in words.
-        keep: The words of the button that chooses it; empty for what is no tree.
+        name: The name of its owner: ``"your tree"``, ``"practised"``.
+        cells: Its result, its time, its waiting and its risk, in words.
+        keep: The words of the button that chooses it; empty for a way without a tree.
         is_kept: Whether it is the one on the page.
     """
 
@@ -41,8 +41,8 @@ class Segment:
         start: Its first step, from 0.
         stop: The step after its last one.
         seconds: When it begins and ends, from the episode's first step; None if unknown.
-        action: What was done.
-        becomes: What is to be imitated in its place; None for nothing.
+        action: The action taken.
+        becomes: The action to be imitated in its place; None for nothing.
     """
 
     episode: int
@@ -53,7 +53,7 @@ class Segment:
     becomes: int | None
 
     def words(self, schema: Schema, numbers: Sequence[int] | None) -> str:
-        """Return which steps these are, counted from 1, and what becomes of them.
+        """Return which steps these are, counted from 1, and the action in their place.
 
         Args:
             schema: Names of the actions.
@@ -94,10 +94,10 @@ class HurtView:
 
     Attributes:
         what: ``"cut"``, ``"flip"`` or ``"show again"``.
-        title: What is proposed, in words.
-        why: What the segments have in common.
-        reached: What the tree reaches with them, and without them.
-        segments: The segments.
+        title: The proposal, in words.
+        why: The common trait of the segments.
+        reached: The result of the tree with them, and without them.
+        segments: The consecutive steps of one action that are cut, flipped or shown again.
         strips: The episodes that they are of, as many as can be looked at.
     """
 
@@ -115,9 +115,9 @@ class TreeView:
 
     Attributes:
         phase: ``"fitting"``, ``"playing"``, ``"practising"``, ``"ready"`` or ``"failed"``.
-        message: What is going on, or the verdict: ``"you 13 of 15 (62 to
+        message: The work under way, or the verdict: ``"you 13 of 15 (62 to
             97 %); this tree 196 of 200 (94 to 100 %): better"``.
-        note: What follows from it; may be empty.
+        note: The consequence of it; may be empty.
         finished: Episodes played or practised so far.
         of: How many there will be; 0 where that is not known.
         verdict: How it compares with the person: ``"better"``, ``"as good"``, ``"worse"``, ``"too
@@ -126,15 +126,15 @@ class TreeView:
         n_leaves: Leaves of the tree; 0 before there is one.
         svg: Drawing of the tree; empty before there is one.
         rules: The tree as nested rules.
-        curve: Episodes of practice, and what the tree reached after them.
-        yours: What the person reached, on the curve's scale; None if unknown.
+        curve: Episodes of practice, and the tree's result after them.
+        yours: The person's result, on the curve's scale; None if unknown.
         is_share: Whether curve and ``yours`` are shares of successful episodes, else mean returns.
-        commands: What to type next in a shell, one a line.
+        commands: The next commands for a shell, one a line.
         columns: Heads of the columns of ``ways``.
         ways: The person's own way, the tree of it, the practised one and smaller ones; empty before
             practice.
-        changes: Sentences on what practice changed.
-        hurts: Segments of what was shown that cost the tree its success.
+        changes: Sentences on the changes by practice.
+        hurts: Segments of the demonstrations that cost the tree its success.
         was_searched: Whether these were looked for.
         asks: Whether the tree was made without some of them, and is to be accepted or taken back.
     """
@@ -162,7 +162,7 @@ class TreeView:
 
 
 class Show(Protocol):
-    """Lets the page show how far a tree is, and once it is ready what to watch of it."""
+    """Lets the page show how far a tree is, and once it is ready its scenes."""
 
     def __call__(self, view: TreeView, programme: Programme | None = None) -> None:
         """Show a view; let the tree drive in the page's picture if there is a programme."""
@@ -170,10 +170,10 @@ class Show(Protocol):
 
 
 class TreeMaker(Protocol):
-    """Makes a tree of what was recorded, in a thread beside the page.
+    """Makes a tree of the recording, in a thread beside the page.
 
     All methods call ``show`` as they go on, with ``"ready"`` last. ``stop`` becomes true when the
-    page is closed for good; what is unfinished then is given up.
+    page is closed for ever; unfinished work then is given up.
     """
 
     def make(self, show: Show, stop: Callable[[], bool]) -> None:
@@ -185,7 +185,7 @@ class TreeMaker(Protocol):
         ...
 
     def missing(self) -> Scene | None:
-        """Return what was not shown yet, and where to show it; None if nothing is found."""
+        """Return a situation not shown yet, as a scene; None if nothing is found."""
         ...
 
     def choose(self, way: int, show: Show) -> None:
@@ -193,15 +193,15 @@ class TreeMaker(Protocol):
         ...
 
     def look(self, show: Show, stop: Callable[[], bool]) -> None:
-        """Find which seconds of what was shown cost the tree its success."""
+        """Find the seconds of the demonstrations that cost the tree its success."""
         ...
 
     def make_without(self, show: Show, stop: Callable[[], bool]) -> None:
-        """Make the tree of what is left, beside the one of all, and ask which one to keep."""
+        """Make the tree of the steps left, beside the one of all, and ask which one to keep."""
         ...
 
     def settle(self, show: Show, *, undo: bool) -> None:
-        """Keep the tree of what is left, or the one before it."""
+        """Keep the tree of the steps left, or the one before it."""
         ...
 
 
@@ -209,20 +209,20 @@ class Guide(Protocol):
     """Leads a person through a session, part by part, on the page."""
 
     def advance(self, now: float) -> list[Event]:
-        """Go on to the next part if this one is over; return what the session is to do."""
+        """Go on to the next part if this one is over; return the events for the session."""
         ...
 
     def hear(self, name: str, place: int, text: str) -> None:
-        """Take in what the person said to the guide."""
+        """Take in the person's answer to the guide."""
         ...
 
     def view(self) -> dict[str, Any]:
-        """Return what the page shows of the guide, in JSON's types."""
+        """Return the guide's fields on the page, in JSON's types."""
         ...
 
 
 class Wishes:
-    """What the person wants done with the demonstrations, until it is taken up.
+    """The person's wishes for the demonstrations, until they are taken up.
 
     Args:
         are_offered: Whether there is a ``TreeMaker``.
@@ -230,7 +230,7 @@ class Wishes:
     Attributes:
         is_busy: Whether a tree is being made; set by its maker.
         way: The way that was last chosen.
-        look: Whether to look for what is missing in what was shown so far.
+        look: Whether to look for situations that were not shown so far.
     """
 
     def __init__(self, are_offered: bool) -> None:

@@ -1,4 +1,4 @@
-"""What a session says of a task and of its episodes, in words."""
+"""The words of a session on a task and on its episodes."""
 
 import inspect
 import re
@@ -38,7 +38,7 @@ def episode_views(
 
 @dataclass(frozen=True)
 class _Told:
-    """How one of Gymnasium's own tasks says what a person wants to know; see ``tasks.toml``."""
+    """The words of one of Gymnasium's own tasks on its goal and its end; see ``tasks.toml``."""
 
     task: str
     by: str = ""
@@ -102,7 +102,7 @@ def task_description(env: gymnasium.Env[Any, Any]) -> str:
 
     These are its ``task_description``, or for Gymnasium's own a sentence that is known here; else
     the first paragraph under *Description* in its docstring, without markup. Of a long one whole
-    sentences are left: the first that names a goal and what leads to it, else the first ones.
+    sentences are left: the first that names a goal and the means to it, else the first ones.
     """
     own = getattr(env.unwrapped, "task_description", None)
     if isinstance(own, str):
@@ -119,7 +119,7 @@ def task_description(env: gymnasium.Env[Any, Any]) -> str:
 
 
 def _shortened(text: str) -> str:
-    """Return whole sentences of a long text: what leads to the goal, and the goal."""
+    """Return whole sentences of a long text: the means to the goal, and the goal."""
     sentences = re.split(r"(?<=\.) ", text)
     goals = (n for n, sentence in enumerate(sentences) if _GOAL.search(sentence))
     if (goal := next(goals, None)) is None:

@@ -28,17 +28,17 @@ def record_in_browser(
     """Let a person record in a browser until the session is over.
 
     Args:
-        recorder: What is recorded, and where.
+        recorder: The session and its folder.
         host: Address to bind to.
         port: Port; None for 8765 or the next free one, 0 for any.
         details: Further facts for the page to show.
-        maker: Makes a tree of what is recorded; ``settings.makes`` of the recorder offers it.
+        maker: Makes a tree of the recording; ``settings.makes`` of the recorder offers it.
         guide: Leads the person; None where they lead themselves.
         on_ready: Called once the port is open; ``url`` of its argument is the page's address.
 
     Raises:
-        EnvironmentFault: The environment broke its contract; what was recorded is stored.
-        FileError: The folder can no longer be written; what was recorded before is stored.
+        EnvironmentFault: The environment broke its contract; all recorded steps are stored.
+        FileError: The folder can no longer be written; all earlier steps are stored.
     """
 
     async def serve_page() -> None:

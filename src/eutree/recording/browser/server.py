@@ -52,7 +52,7 @@ IDLE_SECONDS = 0.1  # between two ticks of a session that waits for nothing
 # Of the loop, from accepting a connection to the handler that attends to it, and from aborting one
 # to the end of its socket: each takes three.
 TURNS = 6
-STATUS_PATH = "/status"  # what a page asks whose socket was refused
+STATUS_PATH = "/status"  # asked by a page whose socket was refused
 FULL, READY = "full", "ready"
 
 UNOPENED = "No page is open."
@@ -70,11 +70,11 @@ class PageServer:
     """Serves the recorder's page and plays its session.
 
     Args:
-        recorder: What is recorded, and where.
+        recorder: The session and its folder.
         host: Address to bind to; anything but loopback can be reached from other machines.
         port: Port; None for 8765 or the next free one, 0 for any.
         details: Further facts for the page to show, such as the next commands.
-        maker: Makes a tree of what is recorded, when the person wants it.
+        maker: Makes a tree of the recording, when the person wants it.
         guide: Leads the person; None where they lead themselves.
     """
 
@@ -340,7 +340,7 @@ class PageServer:
         self._publish(time.monotonic() - began, ())
 
     def _publish(self, now: float, events: Iterable[Event]) -> None:
-        """Let the session go on, and its guide lead it; show every page what is new."""
+        """Let the session go on, and its guide lead it; show every page the new view."""
         tick = self.recorder.tick(now, events)
         self._fields = view_fields(tick.view)
         if tick.frame is not None:

@@ -1,6 +1,6 @@
-"""What goes over the socket: JSON messages both ways, and pictures as JPEG behind a header.
+"""The messages on the socket: JSON both ways, and pictures as JPEG behind a header.
 
-A ``Viewer`` is one open page: what it has been sent, what it has drawn, what still waits for it.
+A ``Viewer`` is one open page: the fields sent to it, the pictures drawn, the messages that wait.
 """
 
 import asyncio
@@ -130,7 +130,7 @@ class Viewer:
     pictures, never old ones.
 
     Args:
-        connection: The socket.
+        connection: The open socket.
         client: The page's own name, the same after a reload.
     """
 
@@ -161,7 +161,7 @@ class Viewer:
         self._changed.set()
 
     async def send_all(self) -> None:
-        """Send what waits, until the socket closes."""
+        """Send the waiting messages, until the socket closes."""
         from websockets.exceptions import ConnectionClosed
 
         try:
@@ -208,7 +208,7 @@ class Gate:
     """The checks of one server.
 
     Attributes:
-        token: What the socket must offer.
+        token: The secret that the socket must offer.
         host: Address that the server is bound to.
     """
 
@@ -218,10 +218,10 @@ class Gate:
     def refusal(
         self, path: str, hosts: Sequence[str], origins: Sequence[str], protocols: Sequence[str]
     ) -> HTTPStatus | None:
-        """Return why a request is refused, or None.
+        """Return the status of a refused request, or None.
 
         Args:
-            path: Its path.
+            path: The path of the address, without its query.
             hosts: Its Host headers; there must be exactly one.
             origins: Its Origin headers; a socket needs exactly one.
             protocols: Its Sec-WebSocket-Protocol headers.
@@ -299,7 +299,7 @@ def page(path: str, host: str) -> tuple[bytes, dict[str, str]] | None:
     """Return content and headers of a file of the page; None if there is no such file.
 
     Args:
-        path: The request's path.
+        path: The path that was requested.
         host: The request's Host, already checked; the page may open a socket to it.
     """
     if path not in _FILES:
