@@ -1,9 +1,9 @@
 """Distil a teacher into a small tree.
 
-*Cloning* fits a tree to what the teacher did. Where the tree errs it comes to observations that
+*Cloning* fits a tree to the teacher's decisions. Where the tree errs it comes to observations that
 the teacher never showed. *DAgger* (Ross, Gordon, Bagnell 2011) lets the tree act, asks the teacher
-what it would have done there, adds that to the data and fits again, round after round. *VIPER*
-(Bastani, Pu, Solar-Lezama 2018) moreover weights each observation by what a wrong action costs
+for its own action there, adds that to the data and fits again, round after round. *VIPER*
+(Bastani, Pu, Solar-Lezama 2018) moreover weights each observation by the cost of a wrong action
 there. The best tree of all rounds is chosen on validation episodes, the same for all and used for
 nothing else.
 """
@@ -54,9 +54,9 @@ class DistillationSettings:
 
     Attributes:
         method: ``"cloning"`` fits one tree to the teacher's own episodes; ``"dagger"`` and
-            ``"viper"`` go on to fit trees to what the trees themselves come to.
+            ``"viper"`` go on to fit trees to the observations that the trees themselves come to.
         learner: ``"c4.5"``, or ``"cart"`` (extra ``sklearn``).
-        max_leaves: Most leaves of the tree; None for what the learner makes.
+        max_leaves: Most leaves of the tree; None for the learner's own size.
         iterations: Trees that are fitted, the first to the teacher's episodes alone.
         episodes: Episodes gathered before each tree.
         validation_episodes: Episodes of the validation of each tree.
@@ -135,8 +135,8 @@ class Labelled:
     """Observations with the teacher's action on each.
 
     Attributes:
-        observations: What was sensed.
-        actions: What the teacher does there.
+        observations: The values sensed.
+        actions: The teacher's action on each.
         weights: How much a wrong decision counts.
     """
 
@@ -200,7 +200,7 @@ class Round:
 
 @dataclass(frozen=True)
 class DistillationReport:
-    """What a distillation did.
+    """The figures of a distillation.
 
     Attributes:
         method: ``"cloning"``, ``"dagger"`` or ``"viper"``.
@@ -254,19 +254,19 @@ def distill(
     on_round: Progress | None = None,
     n_jobs: int | None = None,
 ) -> tuple[TreePolicy, DistillationReport]:
-    """Return a tree that decides as ``teacher`` does, and what that took.
+    """Return a tree that decides as ``teacher`` does, and the cost of it.
 
     Args:
         teacher: As ``eutree.record`` takes it: anything with SB3's ``predict``, or a function.
         env: Where it acts: an environment, its id, or how to make it.
         settings: How; by default DAgger with C4.5, at most 32 leaves.
-        demonstrations: What the teacher showed already; it takes the place of its first episodes.
+        demonstrations: The teacher's earlier episodes; they take the place of its first ones.
         action_values: The teacher's Q, from observations [N, d] to [N, A], for VIPER's weights. By
             default a method of that name of the teacher, or the values of a ``TreePolicy``'s
             leaves; without any VIPER's weights are all equal, and it is DAgger.
         seed: The same seed gives the same tree, byte for byte.
         strict: Refuse observations outside the environment's own bounds.
-        on_round: Called after each tree with its number and what became of it.
+        on_round: Called after each tree with its number and its result.
         n_jobs: Processes for the episodes of the trees, as ``evaluate`` takes them, with an id or a
             spec; the teacher stays in this one. The result is the same.
 
@@ -350,7 +350,7 @@ def _episodes(
 
 
 def actions_on(teacher: Policy, episode: Episode, env: GuardedEnv) -> Integers:
-    """Return what the teacher would have done at each step of an episode of another's, shape [T].
+    """Return the teacher's own actions at each step of an episode of another actor, shape [T].
 
     It is asked step by step, so that a teacher with a memory has the one it would have.
     """

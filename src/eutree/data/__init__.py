@@ -1,4 +1,4 @@
-"""What was recorded: episodes, demonstrations, the learner's transition history."""
+"""The recorded data: episodes, demonstrations, the learner's transition history."""
 
 from typing import TYPE_CHECKING
 

@@ -3,8 +3,8 @@
 The columns ``episode`` and ``action`` are required, ``step``, ``action_name``, ``reward``,
 ``terminated``, ``truncated``, ``seed``, ``ending``, ``is_success`` and ``kept`` are known; every
 other column is a feature, its unit in brackets: ``position [m]``. The last row of an episode has
-no action: it is what the last action led to. In a log without such rows the last action of each
-episode is dropped, because what it led to is not known; the episode's extras keep it, under
+no action: it shows where the last action led. In a log without such rows the last action of each
+episode is dropped, because its successor is not known; the episode's extras keep it, under
 ``dropped_action``. Actions are indices, or names. An episode has a reward for each action, or none
 at all.
 """
@@ -58,7 +58,7 @@ def read_csv(
 
     Raises:
         InvalidArgumentError: ``columns`` names an unknown column, or ``delimiter`` is none.
-        FormatError: A column is missing, or a value is not what it must be; says which line.
+        FormatError: A column is missing, or a value is not of its column's kind; names the line.
         FileError: The file is missing or cannot be read.
     """
     columns, log = columns or {}, log or LogFormat()
@@ -142,7 +142,7 @@ class _EpisodeRows:
 class _Table:
     """A table while it is read, row by row.
 
-    What is wrong with a row is an InvalidArgumentError; ``line`` says where.
+    A fault of a row is an InvalidArgumentError; ``line`` is its place.
     """
 
     def __init__(self, columns: list[str], delimiter: str, log: LogFormat) -> None:
@@ -152,7 +152,7 @@ class _Table:
         if not 1 <= len(self._features) <= MAX_NAMES:
             raise InvalidArgumentError("there is no column of a feature, or too many")
         self._codes: dict[str, int] = {}  # of the texts in the column action
-        self._names: dict[str, str] = {}  # what action_name says about them
+        self._names: dict[str, str] = {}  # their names by action_name
         self._categories: dict[str, dict[str, int]] = {name: {} for name in log.nominal}
         self._numbers = [column for column in self._features if column not in log.nominal]
         self._texts = [*log.nominal, *(("action",) if log.missing == HOLD else ())]
@@ -351,7 +351,7 @@ class _Table:
     def _episode(self, group: _EpisodeRows, numbers_of_codes: Integers) -> Episode:
         row = group.last_row
         actions = numbers_of_codes[np.frombuffer(group.actions, dtype=np.int64)]
-        dropped = bool(row["action"])  # what the last action led to is not in the table
+        dropped = bool(row["action"])  # where the last action led is not in the table
         count = len(actions) - dropped
         terminated, truncated = group.ends[0] if dropped else group.ends[1]
         seed = row.get("seed", "")

@@ -1,4 +1,4 @@
-"""Episodes recorded under an expert's control, with what is needed to read and replay them."""
+"""Episodes recorded under an expert's control, with all that is needed to read and replay them."""
 
 import hashlib
 from collections.abc import Iterator, Mapping, Sequence
@@ -33,7 +33,7 @@ class Demonstrations(Displayed):
         episodes: The episodes, in the order in which they were recorded.
         schema: Names, units and bounds of the observations; names of the actions.
         environment: How to make the environment again; None if unknown.
-        expert: Who or what acted, for people to read.
+        expert: The actor's name, for people to read.
     """
 
     episodes: tuple[Episode, ...]
@@ -49,7 +49,7 @@ class Demonstrations(Displayed):
                 raise InvalidArgumentError(f"episode {number} {problem}")
 
     def __repr__(self) -> str:
-        """Return what these are in one line; the numbers themselves would be pages."""
+        """Return a summary in one line; the numbers themselves would be pages."""
         discarded = len(self.episodes) - len(self)
         of = f" of {self.environment}" if self.environment is not None else ""
         by = f", by {self.expert}" if self.expert else ""
@@ -133,7 +133,7 @@ class Demonstrations(Displayed):
             steps: Number of previous observations that follow each one.
             actions: Number of previous actions that follow these.
         """
-        schema = self.schema.with_history(steps, actions)  # refuses what would be too much
+        schema = self.schema.with_history(steps, actions)  # refuses too many
         features = FeatureMap(
             n_observed=self.schema.n_features,
             n_actions=self.schema.n_actions,
@@ -155,7 +155,7 @@ class Demonstrations(Displayed):
 
     @classmethod
     def load(cls, folder: str | Path) -> "Demonstrations":
-        """Read what ``save`` or a recorder wrote, discarded episodes included.
+        """Read the files of ``save`` or of a recorder, discarded episodes included.
 
         An episode that a dead recorder left in its journal is among them, its ending
         ``"interrupted"``; nothing in the folder is changed.
@@ -187,19 +187,19 @@ class Demonstrations(Displayed):
         """Make demonstrations of a log: flat rows of observations and actions.
 
         Args:
-            observations: What was sensed before each action, shape [N, d].
+            observations: The values sensed before each action, shape [N, d].
             actions: The actions, shape [N].
             starts: Whether each row is the first of an episode, shape [N].
-            rewards: What each action earned, shape [N]; if not known, the episodes can be imitated
+            rewards: Reward of each action, shape [N]; if not known, the episodes can be imitated
                 but not learned from by reinforcement.
-            next_observations: What was sensed after each action, shape [N, d]; if not known, the
-                last action of each episode is dropped, because what it led to is not known, and
+            next_observations: The values sensed after each action, shape [N, d]; if not known, the
+                last action of each episode is dropped, because its successor is not known, and
                 kept in the episode's ``extras["dropped_action"]``.
             terminated: Whether the task ended after each row, shape [N].
             truncated: Whether a limit cut the episode short after each row, shape [N].
             schema: Names and units; made up if not known.
             environment: How to make the environment again, if known.
-            expert: Who or what acted.
+            expert: The actor's name.
         """
         episodes = episodes_from_rows(
             observations,
@@ -248,11 +248,11 @@ class Demonstrations(Displayed):
     ) -> "Demonstrations":
         """Read a table with one row for each observation; see docs/formats.
 
-        Where no row holds what an episode's last action led to, that action is dropped, and kept
+        Where no row shows where an episode's last action led, that action is dropped, and kept
         in the episode's ``extras["dropped_action"]``.
 
         Args:
-            path: The file.
+            path: The file with the table.
             schema: Names and units; made of the columns if not known.
             environment: How to make the environment again, if known.
             columns: The table's own names of the columns that are known by others:
@@ -297,7 +297,7 @@ def derive(demonstrations: Demonstrations, declarations: Sequence[str | Feature]
     """Return demonstrations with derived features behind their observations.
 
     Args:
-        demonstrations: What was recorded.
+        demonstrations: The recorded episodes.
         declarations: ``"time_to_crossing = distance / speed"`` and the like; see
             ``eutree.formulas``.
 
@@ -321,7 +321,7 @@ def taught_in(demonstrations: Demonstrations) -> Integers:
 
 
 def lessons(demonstrations: Demonstrations) -> tuple[Floats, Integers]:
-    """Return what is to be imitated: observations [n, d] and actions [n], without what was cut."""
+    """Return the steps to imitate: observations [n, d] and actions [n], without those cut."""
     taught = taught_in(demonstrations)
     return demonstrations.observations[taught != CUT], taught[taught != CUT]
 
@@ -340,7 +340,7 @@ def check_rewards(demonstrations: Demonstrations, *, alone: bool = False) -> Non
     """Raise InvalidArgumentError unless there is something to learn from by reinforcement.
 
     Args:
-        demonstrations: What is to be learned from.
+        demonstrations: The episodes to learn from.
         alone: Nothing else is learned from; then rewards that are all 0 say nothing.
     """
     without = "a tree that imitates them needs none: eutree fit"

@@ -1,8 +1,8 @@
 """One episode (the paper's *trial*): T+1 observations, T actions and rewards, how it ended.
 
-Logs and other libraries keep flat rows, one a step: an observation and the action taken there. What
-the last action of an episode led to is in no row; where the log does not hold it apart, that action
-is dropped rather than given an invented successor; the episode's extras keep it. Nothing is ever
+Logs and other libraries keep flat rows, one a step: an observation and the action taken there. No
+row shows where the last action of an episode led; unless the log holds that apart, the action is
+dropped rather than given an invented successor; the episode's extras keep it. Nothing is ever
 shifted.
 """
 
@@ -53,7 +53,7 @@ class Episode:
     """An episode from reset to end.
 
     Attributes:
-        observations: What was sensed, from the reset observation to the last one.
+        observations: The values sensed, from the reset observation to the last one.
         actions: Action taken at each observation but the last.
         rewards: Reward received for each action; zeros where none are known.
         terminated: Whether the task itself ended the episode (value 0 follows).
@@ -65,7 +65,7 @@ class Episode:
         has_rewards: Whether the rewards are known. A log without them can be imitated, but there is
             nothing in it to learn from by reinforcement.
         kept: Whether learners use it; a person who discards an episode does not delete it.
-        comment: What the person wrote about it.
+        comment: The person's words about it.
         steps: Further arrays with one row for each action, by name: of a recording its
             ``time``, ``frame`` (the last one seen) and ``keys`` (held). NaN means not measured.
             ``by_hand`` says where a person took over from a tree that drove, ``allowed``, where
@@ -121,7 +121,7 @@ class Episode:
             raise InvalidArgumentError("an episode without rewards must have zeros in their place")
 
     def __repr__(self) -> str:
-        """Return what happened in one line."""
+        """Return a summary in one line."""
         earned = f", return {self.undiscounted_return:g}" if self.has_rewards else ""
         ending = f", {self.ending}" if self.ending else ""
         return f"<Episode: {counted(len(self), 'step')}{earned}{ending}>"
@@ -155,7 +155,7 @@ class Episode:
         return np.asarray(self.steps.get(TAUGHT, self.actions), dtype=np.int64)
 
     def teaching(self, taught: Integers) -> "Episode":
-        """Return the episode with other actions to imitate, [T]; what was done stays as it was."""
+        """Return the episode with other actions to imitate, [T]; the actions taken stay."""
         steps = {name: array for name, array in self.steps.items() if name != TAUGHT}
         same = np.array_equal(taught, self.actions)
         return replace(self, steps=steps if same else {**steps, TAUGHT: taught})
@@ -170,7 +170,7 @@ class Episode:
     def weights(self) -> Floats:
         """Weight of each step for imitating the episode, [T]: 1, or 0.
 
-        What a tree did and a person let pass is approved, but for the ``SPOILT`` steps before the
+        A tree's step that a person let pass is approved, but for the ``SPOILT`` steps before the
         person stepped in, or before a failure.
         """
         weights, by_hand = np.ones(len(self)), self.by_hand

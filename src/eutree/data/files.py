@@ -40,7 +40,7 @@ _STEPS = "steps_"
 
 
 class EpisodeDocument(Document, frozen=True, kw_only=True, omit_defaults=True):
-    """What an episode's file says beside its arrays."""
+    """The facts in an episode's file beside its arrays."""
 
     FORMAT: ClassVar[str] = "eutree/episode"
     VERSION: ClassVar[int] = 2
@@ -74,13 +74,13 @@ def episode_to_bytes(episode: Episode) -> bytes:
     }
     arrays |= {_STEPS + name: array for name, array in episode.steps.items()}
     data = encode_archive(arrays, episode_document(episode))
-    if len(data) > MAX_ARCHIVE:  # never write what could not be read
+    if len(data) > MAX_ARCHIVE:  # never write a file too large to read
         raise InvalidArgumentError(f"{len(data):,} bytes are more than the {MAX_ARCHIVE:,} allowed")
     return data
 
 
 def episode_document(episode: Episode) -> EpisodeDocument:
-    """Return what is to be written beside the arrays."""
+    """Return the facts to be written beside the arrays."""
     said = {name: getattr(episode, name) for name in _SAID}
     return EpisodeDocument(**said | {"extras": plain_json(episode.extras, "extras")})
 
@@ -145,7 +145,7 @@ class DemonstrationFolder:
     """An existing folder of demonstrations, to read, to add to and to edit.
 
     Args:
-        path: The folder.
+        path: The path of the folder.
 
     Raises:
         FormatError: The folder holds no demonstrations, or its header is damaged.
@@ -247,7 +247,7 @@ class DemonstrationFolder:
         return number
 
     def rename(self, schema: Schema) -> None:
-        """Give features and actions other names and units; what was recorded stays."""
+        """Give features and actions other names and units; the recorded numbers stay."""
         atomic.write_bytes(self.path / HEADER, _header(schema, self.environment, self.expert))
         self.schema = schema
 

@@ -1,4 +1,4 @@
-"""The journal of a running episode: what a crash leaves becomes an episode all the same."""
+"""The journal of a running episode: the steps before a crash become an episode all the same."""
 
 import math
 import os
@@ -60,7 +60,7 @@ StepValue = bool | int | float | list[bool | int | float]
 
 
 class JournalDocument(Document, frozen=True, kw_only=True):
-    """The header of a journal: what is known at reset, and who writes."""
+    """The header of a journal: the facts known at reset, and the writer's process."""
 
     FORMAT: ClassVar[str] = "eutree/journal"
     VERSION: ClassVar[int] = 1
@@ -72,7 +72,7 @@ class JournalDocument(Document, frozen=True, kw_only=True):
 
 
 class _Step(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_fields=True):
-    """One record: an action, what followed, and what else was measured."""
+    """One record: an action, the answer to it, and further measurements."""
 
     action: Index
     reward: float
@@ -94,7 +94,7 @@ class EpisodeJournal:
 
     Args:
         path: The journal's file, which must not exist yet.
-        observation: What was sensed after reset, shape [d].
+        observation: The values sensed after reset, shape [d].
         seed: Seed given to reset.
         extras: Further facts about the episode, as in ``Episode``.
 
@@ -143,12 +143,12 @@ class EpisodeJournal:
         truncated: bool = False,
         steps: dict[str, StepValue] | None = None,
     ) -> None:
-        """Add one step: the action, and what followed it.
+        """Add one step: the action, and the environment's answer.
 
         Args:
-            action: The action.
+            action: The number of the action.
             reward: The reward; finite.
-            observation: What was sensed after the action, shape [d]; finite.
+            observation: The values sensed after the action, shape [d]; finite.
             terminated: Whether the task ended the episode.
             truncated: Whether a limit cut it short.
             steps: One value (or one list of them) for each array in ``Episode.steps``.
@@ -211,7 +211,7 @@ def recover_episode(path: str | Path) -> Episode | None:
     """Return the episode in a journal, ending ``"interrupted"``; None if it has no step.
 
     Raises:
-        FormatError: The file is no journal, or a record in it is not what it must be.
+        FormatError: The file is no journal, or a record in it is malformed.
         FileError: The file is missing or cannot be read.
     """
     data = atomic.read_bytes(path, limit=MAX_JOURNAL)
@@ -257,7 +257,7 @@ class _Steps:
         self.values: dict[str, list[StepValue]] = {}
 
     def add(self, step: _Step) -> None:
-        """Add a step, or raise ValueError with what is wrong with it."""
+        """Add a step, or raise ValueError with its fault."""
         if not self.actions:
             self.values = {name: [] for name in step.steps}
         if self.terminated or self.truncated:

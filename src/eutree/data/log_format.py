@@ -29,9 +29,9 @@ class LogFormat:
         nominal: Columns of text, a choice of categories: each category becomes a feature that is 1
             where it is chosen, ``"mode is auto"``, of a one-hot group; of two categories one
             feature is enough, 1 at the later one by the alphabet.
-        missing: What an empty cell means: ``"hold"``, the value before it in the episode; a number;
-            ``"drop"``, the row is left out, and the episode ends before it, since what its last
-            action led to is not known. Refused if "".
+        missing: The meaning of an empty cell: ``"hold"``, the value before it in the episode; a
+            number; ``"drop"``, the row is left out, and the episode ends before it, since its last
+            action's successor is not known. Refused if "".
         time: Column of the time, which is no feature: seconds, or ISO 8601.
         time_format: Its form as ``datetime.strptime`` has it, where it is another.
         episode_gap: Seconds between two rows after which a new episode begins.
@@ -57,10 +57,10 @@ class LogFormat:
             raise InvalidArgumentError("time must name the column that a gap is seen in, got ''")
 
     def seconds(self, text: str) -> float:
-        """Return the time that a cell of the column ``time`` says.
+        """Return the time in a cell of the column ``time``, in seconds.
 
         Raises:
-            InvalidArgumentError: It is none.
+            InvalidArgumentError: The cell holds no time.
         """
         try:
             if self.time_format:
@@ -115,7 +115,7 @@ def is_quantity(text: str) -> bool:
 
 
 def hint(text: str, column: str) -> str:
-    """Return what may be done about a cell that is no number, to follow "got ...'"."""
+    """Return the remedies for a cell that is no number, to follow "got ...'"."""
     if is_nothing(text):
         return f"; an empty cell is filled by --missing {HOLD} or a number, or its row left out"
     if _is_date(text):

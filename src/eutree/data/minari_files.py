@@ -1,8 +1,8 @@
 """Demonstrations as Minari datasets, and back (extra ``minari``).
 
-What Minari has no place for (names and units, endings, comments) travels as documents in the
-metadata, under the key ``eutree``, and step records travel in ``infos``, so that what is exported
-is imported again to the bit. Other readers see an ordinary dataset. Discarded episodes, and
+Facts that Minari has no place for (names and units, endings, comments) travel as documents in the
+metadata, under the key ``eutree``, and step records travel in ``infos``, so that an export is
+imported again to the bit. Other readers see an ordinary dataset. Discarded episodes, and
 episodes without a step, are not exported.
 """
 
@@ -45,7 +45,7 @@ _STEPS = "steps_"
 
 
 class MinariContent(NamedTuple):
-    """What a dataset holds, in the order of the fields of ``Demonstrations``."""
+    """The content of a dataset, in the order of the fields of ``Demonstrations``."""
 
     episodes: tuple[Episode, ...]
     schema: Schema
@@ -91,7 +91,7 @@ def write_minari(dataset_id: str, content: MinariContent) -> None:
 
     Args:
         dataset_id: Its id, ending in a version: ``eutree/evasion2/human-v0``.
-        content: What to write.
+        content: The demonstrations to write.
 
     Raises:
         FileError: The dataset exists, or cannot be written.
@@ -125,9 +125,9 @@ def write_minari(dataset_id: str, content: MinariContent) -> None:
 
 
 def _env_spec(environment: EnvironmentSpec, name: str) -> dict[str, str]:
-    """Return what Minari makes the environment of: Gymnasium's spec with the arguments, as text.
+    """Return the spec for Minari to make the environment: Gymnasium's, with arguments, as text.
 
-    Only what is registered is looked up. The environment is not made, as Minari itself would: an
+    Only registered ids are looked up. The environment is not made, as Minari itself would: an
     environment may need its arguments, and its spaces need not be those of the features.
     """
     registry = import_module("gymnasium").registry  # comes with Minari; learners never see it
@@ -173,7 +173,7 @@ def _quiet() -> Iterator[None]:
 
 @contextmanager
 def _as_format_errors(name: str) -> Iterator[None]:
-    """Turn whatever Minari and HDF5 raise on a damaged dataset into a FormatError."""
+    """Turn any error of Minari and HDF5 on a damaged dataset into a FormatError."""
     with _quiet():
         try:
             yield

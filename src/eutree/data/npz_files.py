@@ -64,7 +64,7 @@ def read_npz(path: str | Path) -> tuple[tuple[Episode, ...], int]:
 
 
 def write_npz(path: str | Path, episodes: tuple[Episode, ...], n_features: int) -> None:
-    """Write the episodes as rows; what the rows cannot hold (seeds, comments) is left out.
+    """Write the episodes as rows; facts without a place in rows (seeds, comments) are left out.
 
     So are the rewards, if those of one episode are not known.
     """

@@ -1,4 +1,4 @@
-"""A policy acting in one environment, step by step, whatever form its answers have.
+"""A policy acting in one environment, step by step, in any form of answers.
 
 Trees and scripted experts read the environment's features (``GuardedEnv.schema``). Any other
 policy, for example a model of Stable-Baselines3, was made for the environment's own observation
@@ -20,20 +20,20 @@ from eutree.interaction.spaces import derived_around
 from eutree.policies import Policy
 from eutree.schema import Schema
 
-# What acts: a policy, a function that makes one for an environment, or a function from an
+# The actor: a policy, a function that makes one for an environment, or a function from an
 # observation to an action.
 Controller = Policy | Callable[[Any], Any]
 _KEYWORDS = ("state", "episode_start", "deterministic", "action_masks")
-_OF_SB3 = frozenset(_KEYWORDS[:3])  # what its every policy takes
+_OF_SB3 = frozenset(_KEYWORDS[:3])  # the keywords of its every policy
 
 
 class Actor:
     """Decides at each step of an episode, and carries the policy's state from one to the next.
 
     Args:
-        policy: What decides; its ``predict`` is called by keyword, as Stable-Baselines3 does, with
+        policy: The policy; its ``predict`` is called by keyword, as Stable-Baselines3 does, with
             those of its keywords that it takes.
-        env: Where it acts.
+        env: The environment of the episode.
         deterministic: Passed to ``predict``.
     """
 
@@ -64,7 +64,7 @@ class Actor:
         it has ``action_values``, else the first.
 
         Args:
-            observation: The observation.
+            observation: The features at this step, shape [d].
             allowed: Which actions are allowed, shape [A]; None for all.
 
         Raises:
@@ -102,7 +102,7 @@ class FullPolicy:
         deterministic: bool = True,
         action_masks: Booleans | None = None,
     ) -> tuple[Any, Any]:
-        """Return the action, and what the policy carries to the next step."""
+        """Return the action, and the policy's state for the next step."""
         known = zip(_KEYWORDS, (state, episode_start, deterministic, action_masks), strict=True)
         masks = {"action_masks"} if action_masks is None else set()
         taken = {key: value for key, value in known if key in self._keywords - masks}
@@ -123,7 +123,7 @@ class FunctionPolicy:
 
     Args:
         function: The function; it gets the environment's own observation.
-        doubt: What it raised when it was taken for a function of an environment.
+        doubt: The error it raised when it was taken for a function of an environment.
     """
 
     def __init__(self, function: Callable[[Any], Any], doubt: str = "") -> None:
@@ -151,10 +151,10 @@ class FunctionPolicy:
 
 
 def as_policy(controller: Controller, env: gymnasium.Env[Any, Any] | None) -> Policy:
-    """Return what decides: the controller itself, what it makes for ``env``, or its answers.
+    """Return the policy: the controller itself, the one it makes for ``env``, or its answers.
 
     Raises:
-        InvalidArgumentError: It is nothing that decides.
+        InvalidArgumentError: It is no controller.
     """
     if hasattr(controller, "predict") and not isinstance(controller, type):
         return controller

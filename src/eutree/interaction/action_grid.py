@@ -7,7 +7,7 @@ with their units and exports return them. ``gymnasium.make`` knows no such argum
 adds one: ``action_grid``. Where a space has few values of its own (``MultiDiscrete``,
 ``MultiBinary``, ``Discrete`` with another start than 0) nobody need name them.
 
-``GriddedAction.number_of`` is the one rule for what an answer means: a float is a quantity, and an
+``GriddedAction.number_of`` is the one rule for the meaning of an answer: a float is a quantity, an
 integer the number of an action.
 """
 
@@ -296,11 +296,7 @@ def _all_values(env: gymnasium.Env[Any, Any]) -> tuple[Control, ...]:
 
 
 class ActionMasks:
-    """Reads the masks of one environment.
-
-    Args:
-        env: The environment.
-    """
+    """Reads the masks of one environment."""
 
     def __init__(self, env: gymnasium.Env[Any, Any]) -> None:
         self._env = env
@@ -314,7 +310,7 @@ class ActionMasks:
         sb3-contrib's MaskablePPO: an action is allowed if all its levels are.
 
         Args:
-            info: What the environment said with the present observation.
+            info: The environment's dict with the present observation.
 
         Raises:
             InvalidArgumentError: It is no mask of the actions, or allows none.

@@ -1,10 +1,10 @@
-"""Observations that are one code for several things, and what they stand for.
+"""Observations that are one code for several things, and the numbers behind it.
 
 An environment such as Taxi observes one number, ``Discrete(500)``, that stands for row, column,
 passenger and destination. A tree takes it for an ordered number, on which codes 99 and 100 are
-neighbours although they have nothing in common. Where the environment itself can tell what a code
-stands for, by a method ``decode``, its observations become those numbers, and a tree's tests mean
-something again; ``gymnasium.make`` knows no such argument, so ``make`` adds one: ``decode=True``.
+neighbours although they have nothing in common. Where the environment itself can split a code
+into its parts, by a method ``decode``, its observations become those parts, and a tree's tests
+make sense; ``gymnasium.make`` knows no such argument, so ``make`` adds one: ``decode=True``.
 With ``one_hot=True`` each value of a ``Discrete`` becomes a feature of its own, 1 or 0, of a group.
 """
 
@@ -29,7 +29,7 @@ MAX_CODES = 100_000
 class DecodedObservation(
     gymnasium.ObservationWrapper[Any, Any, Any], gymnasium.utils.RecordConstructorArgs
 ):
-    """An environment whose observations are what its codes stand for, by its own ``decode``.
+    """An environment whose observations are the parts of its codes, by its own ``decode``.
 
     Args:
         env: An environment that observes ``Discrete(n)`` and whose ``decode`` gives the whole
@@ -62,7 +62,7 @@ class DecodedObservation(
 
 
 def can_decode(env: gymnasium.Env[Any, Any]) -> bool:
-    """Return whether the environment says that it can tell what a code stands for."""
+    """Return whether the environment can split a code into its parts."""
     return callable(getattr(env.unwrapped, "decode", None))
 
 
@@ -72,14 +72,14 @@ def decodes(env: gymnasium.Env[Any, Any]) -> bool:
 
 
 def one_hot_around(env: gymnasium.Env[Any, Any]) -> FlattenObservation[Any, Any, Any] | None:
-    """Return Gymnasium's wrapper that flattens what is observed; None if there is none."""
+    """Return Gymnasium's wrapper that flattens the observations; None if there is none."""
     seen = env.observation_space
     flattened = (one for one in wrappers_of(env) if isinstance(one, FlattenObservation))
     return next((one for one in flattened if one.observation_space == seen), None)
 
 
 def warn_of_codes(env: gymnasium.Env[Any, Any], *, stacklevel: int = 2) -> None:
-    """Warn where a tree is about to take a code for an ordered number, and say what helps."""
+    """Warn where a tree is about to take a code for an ordered number, and name a remedy."""
     space = env.observation_space
     if not isinstance(space, spaces.Discrete) or space.n <= MANY_CODES:
         return
@@ -102,7 +102,7 @@ def _meanings(env: gymnasium.Env[Any, Any], first: int, n: int) -> Integers:
     try:
         rows = [list(decode(first + code)) for code in range(n)]
         found = np.array(rows)
-    except Exception as error:  # whatever an environment's author lets happen
+    except Exception as error:  # any error of the environment's author
         raise InvalidArgumentError(f"decode raised {described(error)}") from error
     if found.ndim != 2 or found.dtype.kind not in "iub" or len(np.unique(found, axis=0)) < n:
         raise InvalidArgumentError(

@@ -1,4 +1,4 @@
-"""Derived features: what an environment's numbers say together, ``distance / speed``.
+"""Derived features: numbers made of several of an environment's own, ``distance / speed``.
 
 A tree asks for one number at a test; a ratio, a difference or a minimum takes it a staircase of
 tests. A person who knows the task declares such a number once (:mod:`eutree.formulas`). The
@@ -31,7 +31,7 @@ class DerivedObservation(
         names: A schema whose names the declarations use, where the environment has none.
 
     Attributes:
-        schema: What it observes, and its actions.
+        schema: Its features and its actions.
 
     Raises:
         InvalidArgumentError: A declaration is none, or its name is taken.
@@ -85,9 +85,9 @@ def acting_as(env: gymnasium.Env[Any, Any], known: object) -> gymnasium.Env[Any,
     derived feature where nobody has declared it.
 
     Args:
-        env: The environment.
-        known: A policy or demonstrations, whose schema says what the actions set and what is
-            derived; or anything.
+        env: The environment to act in.
+        known: A policy or demonstrations, whose schema names the quantities of the actions and the
+            derived features; or anything.
 
     Raises:
         InvalidArgumentError: The environment has a grid of other levels.
@@ -100,6 +100,6 @@ def acting_as(env: gymnasium.Env[Any, Any], known: object) -> gymnasium.Env[Any,
     observed = describe(env)
     known, n_measured = len(observed.derived), schema.measured.n_features
     if len(schema.derived) <= known or observed.measured.n_features != n_measured:
-        return env  # whoever compares the names says what is wrong, if anything
+        return env  # a comparison of the names reports an error, if any
     names = replace(schema, features=schema.features[: n_measured + known])
     return DerivedObservation(env, schema.derived[known:], names=names)

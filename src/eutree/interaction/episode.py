@@ -31,7 +31,7 @@ MAX_EPISODE_SEED = 2**31 - 1
 
 @unique
 class Stream(IntEnum):
-    """What random numbers are for: two uses never draw the same ones from one seed."""
+    """The uses of random numbers: two uses never draw the same ones from one seed."""
 
     EPISODES = 0  # where only one use is made of a seed
     RECORDING = 1
@@ -63,7 +63,7 @@ def episode_seed(seed: int, episode: int, stream: int = Stream.EPISODES) -> int:
     Args:
         seed: Seed of the run, evaluation or recording.
         episode: Number of the episode, from 0.
-        stream: What the episodes are for, so that episodes of different uses never coincide.
+        stream: The use of the episodes, so that those of different uses never coincide.
     """
     entropy = (check_seed(seed), check_integer("stream", stream), check_integer("episode", episode))
     return int(np.random.SeedSequence(entropy).generate_state(1)[0]) & MAX_EPISODE_SEED
@@ -117,8 +117,8 @@ class EpisodeSteps:
     """The steps of an episode under way, from its reset on.
 
     Args:
-        env: Where it is.
-        observation: What was observed at its reset, shape [d].
+        env: The environment of the episode.
+        observation: The observation at its reset, shape [d].
 
     Attributes:
         present: The present observation, shape [d].
@@ -139,7 +139,7 @@ class EpisodeSteps:
         return len(self._actions)
 
     def take(self, action: int) -> tuple[Floats, float, bool, bool, dict[str, Any]]:
-        """Take a step, and return what the environment says.
+        """Take a step, and return the environment's answer.
 
         Raises:
             EnvironmentFault: The environment broke its contract.
@@ -185,12 +185,12 @@ def success_of(info: dict[str, Any]) -> bool | None:
 
 @dataclass(frozen=True)
 class ReplayResult:
-    """What came of replaying one episode.
+    """The result of replaying one episode.
 
     Attributes:
         episode: Position of the episode in ``Demonstrations.episodes``.
         n_steps: Number of steps that were replayed.
-        problem: What differed first; empty if nothing did.
+        problem: The first difference; empty if there is none.
     """
 
     episode: int
@@ -209,7 +209,7 @@ def replay(
     """Replay every episode, discarded ones included.
 
     Args:
-        demonstrations: What was recorded.
+        demonstrations: The recorded episodes.
         env: The environment; made as the demonstrations say, if None.
 
     Raises:

@@ -1,7 +1,7 @@
-"""What is to be known of an environment before the first episode.
+"""The facts of an environment to be known before the first episode.
 
 A user is told once, in a sentence, where observations are codes, where episodes may never end, and
-where none repeats. Which returns an episode can have is what some promises rest on.
+where none repeats. Some promises rest on the returns that an episode can have.
 """
 
 import random
@@ -74,7 +74,7 @@ def first_difference(env: gymnasium.Env[Any, Any], seed: int) -> int | None:
     with _undisturbed():
         try:
             twin = _twin(env)
-        except Exception:  # the run itself will say what is wrong
+        except Exception:  # the run itself will report the error
             return None
         try:
             first, actions = _played(twin, seed)
@@ -129,13 +129,13 @@ def _twin(env: gymnasium.Env[Any, Any]) -> gymnasium.Env[Any, Any]:
     if spec is not None:
         try:
             return make(spec)
-        except EutreeError:  # of another module, or with what only a user may choose
+        except EutreeError:  # of another module, or with arguments that only a user may choose
             pass
     return deepcopy(env)
 
 
 def _close(env: gymnasium.Env[Any, Any]) -> None:
-    """Close an environment that was made here; a copy may share what it would close."""
+    """Close an environment that was made here; a copy may share resources that it would close."""
     if spec_of(env) is not None:
         try:
             env.close()
@@ -145,7 +145,7 @@ def _close(env: gymnasium.Env[Any, Any]) -> None:
 
 @contextmanager
 def _undisturbed() -> Iterator[None]:
-    """Keep to itself what an environment draws from the process's chance, warns of, or goes to."""
+    """Undo an environment's random draws, warnings and changes of folder in this process."""
     drawn, numpys = random.getstate(), np.random.get_state()  # noqa: NPY002 - to give it back
     try:
         with warnings.catch_warnings(), made_here():
@@ -172,7 +172,7 @@ def is_limited(env: gymnasium.Env[Any, Any]) -> bool:
 
 
 class _Rewards(NamedTuple):
-    """Bounds of the reward of every step, and of what the last one adds."""
+    """Bounds of the reward of every step, and of the addition at the last one."""
 
     low: float
     high: float

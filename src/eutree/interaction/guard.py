@@ -1,6 +1,6 @@
 """The border between an environment and everything that learns or records.
 
-What comes through is checked: observations are finite vectors of the right length and are copied
+All answers are checked: observations are finite vectors of the right length and are copied
 (so an environment may reuse its buffer), rewards are finite numbers, ``step`` returns five values,
 episodes end. Anything else raises ``EnvironmentFault`` with environment, episode, step and value.
 """
@@ -60,8 +60,8 @@ class GuardedEnv:
         env: The environment itself.
         schema: Names, units and bounds of its observations, history included; names of its
             actions.
-        features: How observations and the past become what ``reset`` and ``step`` return.
-        own_size: Numbers that the environment itself observes: what is derived is left out.
+        features: The map from observations and the past to the features of ``reset`` and ``step``.
+        own_size: Numbers that the environment itself observes: derived features are left out.
         spec: How to make it again, if known.
         episode: Number of the present episode; -1 before the first.
         step_number: Number of steps taken in the present episode.
@@ -189,7 +189,7 @@ class GuardedEnv:
             render: Draws it; by default the environment's own ``render``.
 
         Raises:
-            EnvironmentFault: It draws none.
+            EnvironmentFault: The environment draws no picture.
         """
         try:
             pixels = np.asarray((render or self.env.render)())
@@ -234,8 +234,8 @@ class GuardedEnv:
         """Return the environment's own observation, an element of its space.
 
         Args:
-            features: What ``reset`` or ``step`` returned, shape [d]; the past is left out, and what
-                is derived.
+            features: The features of ``reset`` or ``step``, shape [d]; those of the past and the
+                derived ones are left out.
         """
         return self._decode(features[: self.own_size])
 
@@ -267,7 +267,7 @@ class GuardedEnv:
         return vector
 
     def _outside(self, vector: Floats) -> None:
-        """Fault on NaN and what is too large; outside the space, warn once or fault."""
+        """Fault on NaN and on numbers too large; outside the space, warn once or fault."""
         if not (np.abs(vector) <= LARGEST).all():
             raise self._fault(_finite("observation", vector.tolist()))
         for feature, number in zip(self._own_features, vector.tolist(), strict=True):
@@ -301,7 +301,7 @@ class GuardedEnv:
         return bool(value)
 
     def _check_info(self, info: Any) -> None:
-        """Fault unless ``info`` is a dict; what is read of it must be what it is taken for."""
+        """Fault unless ``info`` is a dict; its entries must be of the types assumed here."""
         if not isinstance(info, dict):
             raise self._fault(f"info must be a dict, got {_brief(info)}")
         success = info.get("is_success")
@@ -330,7 +330,7 @@ def _finite(name: str, value: object) -> str:
 
 
 def _brief(value: object) -> str:
-    """Return what ``value`` is, in at most about 100 characters."""
+    """Return a description of ``value``, in at most about 100 characters."""
     if isinstance(value, tuple):
         return f"a tuple of {len(value)} values"
     return " ".join(shown(value).split())

@@ -1,8 +1,8 @@
 """Make an environment from its id, with errors that a user can act on.
 
 A file of demonstrations or of a policy names the environment it is of, and says how it was made. It
-may come from a stranger, and the registry holds environments that import, load or open what their
-arguments name. So what a file chooses is limited: parameters that the environment's own constructor
+may come from a stranger, and the registry holds environments that import, load or open whatever
+their arguments name. So a file may choose only parameters that the environment's own constructor
 names, never ``render_mode``, and no text that could be the name of a file, a module or an address.
 """
 
@@ -51,11 +51,7 @@ def made_here() -> Iterator[list[gymnasium.Env[Any, Any]]]:
 
 
 class OwnFolder:
-    """The working folder of one environment, which is that of the process until it is changed.
-
-    Args:
-        env: The environment.
-    """
+    """The working folder of one environment, which is that of the process until it is changed."""
 
     def __init__(self, env: gymnasium.Env[Any, Any]) -> None:
         self._theirs = _FOLDERS.get(env.unwrapped, "")
@@ -84,7 +80,7 @@ def folder() -> str:
 _IMPORT = "One of your own is known once its module is imported: --import MODULE."
 MANNER = frozenset(
     {DECODE, ONE_HOT, ACTION_GRID}
-)  # how it is observed and acted in, not what it is
+)  # how it is observed and acted in, not which one it is
 # Those of gymnasium.make, and ours.
 MAKE_ARGUMENTS = MANNER | {"max_episode_steps", "disable_env_checker"}
 _NAMES_A_PLACE = re.compile(r"[.:/\\]")
@@ -94,7 +90,7 @@ def make(spec: EnvironmentSpec | str, *, render_mode: str | None = None) -> gymn
     """Return ``gymnasium.make`` of an id or a spec, with the names that are given now.
 
     The argument ``decode=True``, unless the environment has one of that name itself, makes its
-    observations what its codes stand for; see ``DecodedObservation``. With ``one_hot=True`` each
+    observations the parts of its codes; see ``DecodedObservation``. With ``one_hot=True`` each
     value of a ``Discrete`` is a feature of its own. With ``action_grid=...`` its actions are
     combinations of the levels named there; see ``GriddedAction``. An environment that decodes, is
     flat, or has that grid, itself is left as it is.
@@ -102,8 +98,8 @@ def make(spec: EnvironmentSpec | str, *, render_mode: str | None = None) -> gymn
     Raises:
         UnknownNameError: No environment of that id is registered; names the nearest.
         InvalidArgumentError: The environment cannot be made: it does not take these arguments, a
-            file chose what only a user may, it raises, or the module that its id names before a
-            colon cannot be imported.
+            file chose an argument that only a user may, it raises, or the module that its id names
+            before a colon cannot be imported.
         MissingExtraError: The environment needs a package that is not installed.
     """
     spec = EnvironmentSpec(spec) if isinstance(spec, str) else spec
@@ -132,7 +128,7 @@ def make(spec: EnvironmentSpec | str, *, render_mode: str | None = None) -> gymn
         raise MissingExtraError(f"a package that {spec.id} needs", "envs") from None
     except KeyboardInterrupt:
         raise
-    except BaseException as error:  # whatever an environment's author lets happen
+    except BaseException as error:  # any error of the environment's author
         raise InvalidArgumentError(f"cannot make {spec}: {_reason(error)}") from error
     names = given_names()
     return env if names is None else names.give(env)
@@ -186,7 +182,7 @@ def _texts(value: Any) -> Iterator[str]:
 
 
 def _reason(error: BaseException) -> str:
-    """Return the first line of what was raised; its type too where that says more."""
+    """Return the first line of an error; its type too where that is informative."""
     try:
         first = str(error).strip().partition("\n")[0]
     except Exception:  # of its own ``__str__``
@@ -229,8 +225,8 @@ class Recipe:
 
     Attributes:
         spec: How it is made.
-        registered: What Gymnasium's registry holds of its id; None if its id names a module.
-        names: What its features and actions are called there, if a file says so.
+        registered: The entry of Gymnasium's registry for its id; None if its id names a module.
+        names: The names of its features and actions, if a file has them.
     """
 
     spec: EnvironmentSpec
@@ -239,7 +235,7 @@ class Recipe:
 
     @classmethod
     def of(cls, spec: EnvironmentSpec | str) -> "Recipe":
-        """Return how to make what ``make`` makes here and now.
+        """Return the recipe of the environment that ``make`` makes here and now.
 
         Raises:
             InvalidArgumentError: It is neither an id nor an ``EnvironmentSpec``.

@@ -1,9 +1,9 @@
-"""Names for an environment that has none: what its numbers mean, in a file that a person writes.
+"""Names for an environment that has none: the meaning of its numbers, in a file of a person.
 
     {"features": ["room [°C]", "outside [°C]", "hour [h]"], "actions": ["off", "on"],
      "derived": ["difference = room - outside"]}
 
-A unit stands in brackets. What is recorded, learned and exported then says ``room <= 20.5 °C``; the
+A unit stands in brackets. Records, trees and exports then say ``room <= 20.5 °C``; the
 names travel with demonstrations and policies and need not be given again, except to an environment
 that has names of its own. Of derived features
 (:mod:`eutree.formulas`) the unit follows. ``"kinds"`` says which features are no quantities, see
@@ -67,7 +67,7 @@ class Names(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
         return read_document(path, cls, limit=MAX_FILE)
 
     def besides(self, other: "Names | None") -> "Names":
-        """Return these names, and of others what these do not say."""
+        """Return these names, and those of others that are not among these."""
         if other is None:
             return self
         derived = (*other.derived, *self.derived)
@@ -79,7 +79,7 @@ class Names(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
         )
 
     def give(self, env: gymnasium.Env[Any, Any]) -> gymnasium.Env[Any, Any]:
-        """Name the features and actions of ``env``, whatever it called them; return it derived.
+        """Name the features and actions of ``env``, replacing any names; return it derived.
 
         Raises:
             InvalidArgumentError: There are not as many names as features or actions, or they are
@@ -104,7 +104,7 @@ class Names(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
         return DerivedObservation(env, self.derived) if self.derived else env
 
     def of(self, schema: Schema) -> Schema:
-        """Return a schema with these names, units and kinds, whatever it called them itself.
+        """Return a schema with these names, units and kinds in place of its own.
 
         Derived features that it has keep their names.
 

@@ -1,4 +1,4 @@
-"""Which spaces a tree can act in, and what their numbers mean.
+"""The spaces that a tree can act in, and the meaning of their numbers.
 
 Observations become vectors of float64: a Box is taken as it is, a Discrete value n becomes the
 number n (an ordered attribute, split like a continuous one; see ``decoding`` for codes that mean
@@ -40,7 +40,7 @@ from eutree.schema import (
 )
 
 MOST_SYMBOLS = 1024  # squares of a grid; a picture has more
-NO_LIMIT = -1  # what ``gymnasium.make`` takes for no time limit
+NO_LIMIT = -1  # the value of ``gymnasium.make`` for no time limit
 
 Encoder = Callable[[Any], Floats]
 Decoder = Callable[[Floats], Any]
@@ -115,7 +115,7 @@ def describe(env: gymnasium.Env[Any, Any]) -> Schema:
 
 
 def _features(env: gymnasium.Env[Any, Any], family: str) -> tuple[Feature, ...]:
-    """Return the features of what the environment observes itself."""
+    """Return the features that the environment observes itself."""
     flat = one_hot_around(env)
     if flat is not None:
         return tuple(_one_hot(flat.env.observation_space, "", name_of(env)))
@@ -172,7 +172,7 @@ class DerivingEnv(Protocol):
 
 
 def derived_around(env: gymnasium.Env[Any, Any]) -> DerivingEnv | None:
-    """Return the wrapper that derives features of what ``env`` observes; None if there is none."""
+    """Return the wrapper that derives features of the observations; None if there is none."""
     for wrapper in wrappers_of(env):
         if "_derivation" in vars(wrapper):
             is_seen = wrapper.observation_space is env.observation_space
@@ -183,11 +183,11 @@ def derived_around(env: gymnasium.Env[Any, Any]) -> DerivingEnv | None:
 def spec_of(env: gymnasium.Env[Any, Any]) -> EnvironmentSpec | None:
     """Return how to make ``env`` again.
 
-    With it go the arguments of ``gymnasium.make`` itself that are not what the environment was
-    registered with: its time limit, also where a ``TimeLimit`` was put around it by hand, and
+    With it go the arguments of ``gymnasium.make`` itself that differ from the environment's
+    registration: its time limit, also where a ``TimeLimit`` was put around it by hand, and
     whether it is checked; whether its observations are decoded; and the grid of its actions, unless
     the registered environment itself sees to these two. None if it was not made by
-    ``gymnasium.make``, or of what no file holds.
+    ``gymnasium.make``, or with arguments that no file holds.
     """
     spec = env.spec
     if spec is None:
@@ -203,7 +203,7 @@ def spec_of(env: gymnasium.Env[Any, Any]) -> EnvironmentSpec | None:
         arguments["disable_env_checker"] = spec.disable_env_checker
     for wrapper in wrappers_of(env):
         if isinstance(wrapper, OrderEnforcing | PassiveEnvChecker):
-            break  # ``gymnasium.make`` puts these and all within around what it makes
+            break  # ``gymnasium.make`` puts these and all within around its environments
         if isinstance(wrapper, DecodedObservation):
             arguments[DECODE] = True
         elif wrapper is one_hot_around(env):
@@ -234,7 +234,7 @@ def encoder(space: spaces.Space[Any]) -> Encoder:
 def decoder(space: spaces.Space[Any]) -> Decoder:
     """Return the inverse of :func:`encoder`: from a float64 vector to an observation of ``space``.
 
-    What was encoded comes back in the dtypes of the space; integers beyond 2**53 are rounded.
+    Encoded values come back in the dtypes of the space; integers beyond 2**53 are rounded.
     """
     if isinstance(space, spaces.Dict):
         keys, parts = list(space.spaces), spaces.Tuple(space.spaces.values())
@@ -290,12 +290,7 @@ def _is_whole(space: spaces.Space[Any]) -> bool:
 
 
 def _entries(space: spaces.Space[Any], name: str) -> list[Feature]:
-    """Return a feature without a unit for each entry of the encoded space.
-
-    Args:
-        space: The space.
-        name: Of the environment, for the message.
-    """
+    """Return a feature without a unit for each entry of the encoded space."""
     if isinstance(space, spaces.Dict | spaces.Tuple):
         parts = _parts(space)
         # A part that must be left out is said before one that can be wrapped.
@@ -325,7 +320,7 @@ def _entries(space: spaces.Space[Any], name: str) -> list[Feature]:
 
 
 def _what_helps(space: spaces.Space[Any]) -> str:
-    """Return what makes numbers of a space that holds pixels, symbols, a matrix or texts."""
+    """Return a remedy for a space that holds pixels, symbols, a matrix or texts."""
     if not isinstance(space, spaces.Box | spaces.MultiDiscrete | spaces.MultiBinary):
         return "leave it out; of a Dict by gymnasium.wrappers.FilterObservation(env, OTHER_KEYS)"
     wrap = "wrap it with gymnasium.wrappers.FlattenObservation"
