@@ -28,7 +28,7 @@ class Costs:
     Attributes:
         rows: The recorded observations.
         of_action: Cost of each action on each of them; 0 for the policy's own.
-        worst: Cost of the most expensive decisions; what costs are a share of.
+        worst: Cost of the most expensive decisions, of which costs are a share.
     """
 
     rows: Floats  # [N, d]
@@ -37,12 +37,12 @@ class Costs:
 
     @classmethod
     def of(cls, policy: TreePolicy, rows: Floats, weights: str) -> "Costs":
-        """Return what other decisions than the policy's cost.
+        """Return the costs of other decisions than the policy's.
 
         ``"visits"``: 1 for every other action, so that a share of the worst is a share of the
         recorded observations. ``"q-gap"``: Q(s, own action) - Q(s, a), never below 0, with the Q
         of the policy's leaves; an action that was never tried counts as the worst of its leaf,
-        and a leaf of which nothing else is known like the mean leaf.
+        and a leaf without any other values like the mean leaf.
         """
         leaves = policy.tree.leaf_index(rows)
         others = np.not_equal.outer(policy.actions, np.arange(policy.schema.n_actions))
@@ -57,7 +57,7 @@ class Costs:
         return total
 
     def share(self, tree: DecisionTree, actions: Integers) -> float:
-        """Return what deciding by a tree costs, as a share of the worst; 0 if nothing costs."""
+        """Return the cost of deciding by a tree, as a share of the worst; 0 if nothing costs."""
         if self.worst <= 0.0:
             return 0.0
         leaves = tree.leaf_index(self.rows)
@@ -65,7 +65,7 @@ class Costs:
 
 
 def _gaps(policy: TreePolicy) -> Floats:
-    """Return Q(s, own action) - Q(s, a) of each leaf, with what is unknown filled in."""
+    """Return Q(s, own action) - Q(s, a) of each leaf, with unknown values filled in."""
     if policy.leaves is None or not policy.leaves.compares_actions:
         raise InvalidArgumentError(
             'weights must be "visits" for a policy without values of two actions in a leaf, '
@@ -83,7 +83,7 @@ def _gaps(policy: TreePolicy) -> Floats:
     return filled
 
 
-# A pruning turns some inner nodes into leaves. What the leaves of a subtree cost does not depend
+# A pruning turns some inner nodes into leaves. The cost of the leaves of a subtree does not depend
 # on the rest of the tree, so the best pruning of every size follows bottom-up from those of the
 # two subtrees (the knapsack on trees): exact, in time proportional to the square of the leaves.
 
@@ -178,7 +178,7 @@ def with_locks(candidate: TreePolicy, policy: TreePolicy) -> TreePolicy:
 
 
 def by_c45(policy: TreePolicy, rows: Floats, settings: C45Settings) -> TreePolicy:
-    """Return what C4.5 makes of the recorded observations, labelled by the policy."""
+    """Return the tree of C4.5 on the recorded observations, labelled by the policy."""
     from eutree.c45 import grow
 
     labels = policy.actions[policy.tree.leaf_index(rows)]
@@ -284,7 +284,7 @@ def rounded(
     """Return the policy with short thresholds; each recorded observation keeps its leaf.
 
     Args:
-        policy: The policy.
+        policy: The policy to round.
         rows: Recorded observations, shape [N, d].
         steps: By feature, the step whose multiples its thresholds become. Recorded observations
             between the old and the new threshold then change their leaf.

@@ -84,9 +84,9 @@ def compress(
     round_thresholds: Rounding = False,
     seed: int = 0,
 ) -> tuple[TreePolicy, CompressionReport]:
-    """Return a policy with fewer leaves that decides the same, and what changed.
+    """Return a policy with fewer leaves that decides the same, and a report of the changes.
 
-    Locked leaves stay in every mode: where they are, what they do, and locked.
+    Locked leaves stay in every mode: their boxes, their actions, and their locks.
 
     Args:
         policy: The policy to compress.
@@ -97,7 +97,7 @@ def compress(
             observation; ``"auto"`` takes the smallest of all ways. ``"paper"`` is unpruned C4.5,
             which may change some decisions.
         max_disagreement: Give the smallest tree that costs at most this share instead.
-        max_leaves: Give a tree of at most so many leaves instead, whatever that costs.
+        max_leaves: Give a tree of at most so many leaves instead, at any cost.
         imagined: With ``max_leaves`` nodes are cut where that costs least in these episodes, which
             is worth it from some ten thousand varied transitions on; without them, where labels
             change least. With ``env`` a world model is refused that orders the trees that it was
@@ -106,8 +106,8 @@ def compress(
             size is looked for by playing, and the smallest within a standard error of the best is
             returned, or with ``max_leaves`` the best of at most so many; the report has the
             ``front``. ``RealEpisodes`` says more of it: a margin that the result keeps, say.
-        weights: What a changed decision costs: ``"visits"``, 1 each; ``"q-gap"``, what the values
-            of the policy's leaves say it loses.
+        weights: The cost of a changed decision: ``"visits"``, 1 each; ``"q-gap"``, its loss by the
+            values of the policy's leaves.
         round_thresholds: Write each threshold with the fewest significant digits that leave
             every recorded observation in its leaf of the result; or a step (0.1), or a step for
             each named feature: thresholds become multiples of it, which may change decisions.
@@ -221,7 +221,7 @@ def _of_size(
     imagine: "Callable[..., Pruned] | None",
     ground: Ground | None,
 ) -> tuple[TreePolicy, str, _Scores | None]:
-    """Return a tree of at most so many leaves, what made it, and its score with the input's."""
+    """Return a tree of at most so many leaves, its method, and its score with the input's."""
     exact = merged(policy)
     if exact.n_leaves <= max_leaves or not costs.rows.size:
         if exact.n_leaves > max_leaves:
@@ -278,11 +278,11 @@ def _by_playing(
     demand: Demand,
     steps: Mapping[int, float] | None,
 ) -> tuple[TreePolicy, str, Comparison | None, tuple[FrontEntry, ...]]:
-    """Return the pick of the front, which way made it, its verdict, and the front.
+    """Return the pick of the front, the way that made it, its verdict, and the front.
 
     Where no smaller tree deserves it that is the exact merge, without a verdict; where the steps
-    end before one that is small enough is found, the tree whose labels cost least. What is rounded
-    (unless ``steps`` is None) is rounded before it is chosen, so the tree that is returned has run.
+    end before one that is small enough is found, the tree whose labels cost least. Trees are
+    rounded (unless ``steps`` is None) before one is chosen, so the tree that is returned has run.
     """
 
     def finish(tree: TreePolicy) -> TreePolicy:
@@ -309,7 +309,7 @@ def report_on(
     verdict: Comparison | None = None,
     **more: Any,
 ) -> CompressionReport:
-    """Return what changed from a policy to a smaller one; ``more`` are fields of the report."""
+    """Return the changes from a policy to a smaller one; ``more`` are fields of the report."""
     rows = costs.rows
     schema = policy.schema
     return CompressionReport(
@@ -351,7 +351,7 @@ def _agreement(policy: TreePolicy, rows: Floats, wanted: ArrayLike) -> float:
 def compress_monotone(
     policy: TreePolicy, observations: ArrayLike, monotone: Sequence[str], **options: Any
 ) -> tuple[TreePolicy, CompressionReport]:
-    """Return what ``compress`` does, as a tree that keeps some rules, as ``policy`` does.
+    """Return the result of ``compress``, as a tree that keeps some rules, as ``policy`` does.
 
     Where the tree that ``compress`` chooses breaks a rule, the best one of its front that keeps
     them all takes its place, or else the exact merge, which decides the same everywhere.

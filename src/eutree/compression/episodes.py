@@ -1,4 +1,4 @@
-"""Which episodes speak for a smaller tree, and the report of what a compression changed.
+"""The episodes that speak for a smaller tree, and the report of a compression's changes.
 
 The episodes are real ones, the same for every tree.
 """
@@ -26,17 +26,17 @@ from eutree.policies import TreePolicy
 from eutree.schema import EnvironmentSpec
 from eutree.validation import check_integer, check_number, check_range
 
-ROUNDED_EPISODES = 200  # that show what rounding changed, at most
+ROUNDED_EPISODES = 200  # that measure the effect of rounding, at most
 SUCCESS = 0.005  # that a tree may succeed less often
 
 
 @dataclass(frozen=True)
 class RoundingPlayed:
-    """What rounded thresholds changed, in the same episodes with the exact ones.
+    """The effect of rounded thresholds, in the same episodes with the exact ones.
 
     Attributes:
         episodes: How many were played.
-        different: Those that returned something else.
+        different: Those with another return.
         exact: Mean return with the exact thresholds.
         rounded: Mean return with the rounded ones.
         kept: Whether the result is rounded; not where that loses more than the margin allows.
@@ -59,11 +59,11 @@ _EARNED: dict[str, Any] = {
 
 @dataclass(frozen=True)
 class FrontEntry:
-    """A tree of a front, and what it earned in episodes that chose nothing.
+    """A tree of a front, and its result in episodes that chose nothing.
 
     Attributes:
-        policy: The tree.
-        mean_return: Its mean return.
+        policy: The tree of this size.
+        mean_return: Mean of the undiscounted returns of these episodes.
         return_interval: 95 % interval of that.
         success_rate: Share of successes; None where none are reported.
         success_interval: 95 % interval of that.
@@ -94,7 +94,7 @@ class FrontEntry:
 
 @dataclass(frozen=True)
 class CompressionReport:
-    """What a compression changed.
+    """The changes by a compression.
 
     Attributes:
         n_leaves_before: Leaves of the input.
@@ -106,7 +106,7 @@ class CompressionReport:
         method: Which candidate was kept: ``"merge"``, ``"drop"`` (tests that all recorded
             observations answer alike), ``"lossless"``, ``"paper"``, ``"budget"``, ``"return"``,
             ``"monotone"`` or ``"imagined"``.
-        weighted_disagreement: What the changed decisions cost, as a share of the worst; with
+        weighted_disagreement: Cost of the changed decisions, as a share of the worst; with
             ``weights="visits"`` the share of recorded observations decided differently.
         environment_steps: Steps of all episodes run, in choosing and in confirming.
         mean_return_before: Mean return of the input on fresh episodes; None without environment.
@@ -119,9 +119,9 @@ class CompressionReport:
             allowed were too few for any tree; else None.
         imagined: Scores of the input and of the result in a world model, pessimistic mean returns;
             None where there is none.
-        rounding: What rounding changed in play; None where nothing was rounded, where there is no
+        rounding: The effect of rounding in play; None where nothing was rounded, where there is no
             environment, or where the rounded tree won a race against the input itself.
-        by: What chose the result: ``"episodes"`` of the environment, a world ``"model"``, or
+        by: The grounds of the choice: ``"episodes"`` of the environment, a world ``"model"``, or
             ``"labels"``, the decisions at recorded observations.
         front: The input and the best tree of each size, the largest first, all in the same
             episodes; empty unless episodes chose.
@@ -157,8 +157,8 @@ class Demand:
             best.
         error: Chance that it is lower than that nevertheless.
         known_range: Lowest and highest return of an episode there can be; None takes the range of
-            all returns seen, or ``blind_width`` if that is more, and then what is promised holds
-            for losses within it.
+            all returns seen, or ``blind_width`` if that is more, and then the promise holds for
+            losses within it.
         max_leaves: Most leaves: the best of at most so many instead; None for no limit.
         floor: A tree than which the pick may not succeed less often, as long as any tree of the
             front, of so many leaves, does not; None for the input.
@@ -239,7 +239,7 @@ _ROUNDING_BLOCK = 1_000_000  # of starts, which no race comes to
 
 
 def ground_of(env: Environment, policy: TreePolicy, seed: int, n_jobs: int | None) -> Ground:
-    """Return where a policy's trees play: an environment, or what it is made from."""
+    """Return the ground on which a policy's trees play: an environment, or how to make it."""
     itself, spec = made(env, n_jobs)
     recipe = None if spec is None else Recipe.of(spec)
     return Ground(acting_as(itself, policy), seed, recipe, n_jobs)
@@ -300,7 +300,7 @@ def meet(policy: TreePolicy, other: TreePolicy, ground: Ground, demand: Demand) 
 def play_rounded(
     exact: TreePolicy, rounded: TreePolicy, ground: Ground, episodes: int, margin: float | None
 ) -> RoundingPlayed:
-    """Return what rounding changes in at most so many episodes, the same for both trees.
+    """Return the effect of rounding in at most so many episodes, the same for both trees.
 
     It is not to be kept where it loses more than the margin, if there is one.
     """

@@ -1,7 +1,7 @@
 """The front of a tree: the best tree of each size, by playing, and which of them is handed back.
 
 Three sets of starts, none of which has to do with another: those of the search make and choose the
-best tree of each size, those of the contest pick one, and those of the report say what all earn.
+best tree of each size, those of the contest pick one, and those of the report measure them all.
 """
 
 from collections.abc import Callable, Sequence
@@ -22,7 +22,7 @@ STARTS, STEPS = 1000, 60_000_000  # of each size, and steps of all, where episod
 FEW_STARTS, FEW_STEPS = 60, 1_500_000  # where they run one by one
 PER_START = 800  # episodes of a search for each start, about
 LOSES = 0.1  # of the range of returns: a size that loses more ends the search
-SLACK = 0.01  # of the range of returns: what is not more is no difference
+SLACK = 0.01  # of the range of returns: a smaller difference counts as none
 CONTEST, REPORT = 2**40, 2**41  # first starts
 
 Finish = Callable[[TreePolicy], TreePolicy]
@@ -50,11 +50,11 @@ def front_of(
     """Return the front of a tree.
 
     Args:
-        policy: The tree.
+        policy: The tree to make smaller.
         exact: The same decisions in no more leaves: handed back where no other tree deserves it.
-        ground: Where trees play.
+        ground: Plays the trees.
         demand: Which is handed back.
-        finish: What becomes of a tree that was found before it is chosen: it is rounded, say.
+        finish: Prepares a tree that was found before it is chosen: rounds it, say.
     """
     common, steps = _extent(policy, ground, demand.episodes)
     search = FrontSearch([exact], common, steps, lambda one: with_locks(merged(one), policy))
@@ -71,7 +71,7 @@ def front_among(
 
     Args:
         policy: The input, beside which all are shown.
-        trees: The trees.
+        trees: The rivals of the input.
         common: Where they run; the starts of its next draw make the front.
         demand: Which is handed back.
     """
@@ -187,7 +187,7 @@ def _contest(
 
 
 def _runs(trees: Sequence[TreePolicy], ground: Ground) -> Callable[[int, Sequence[int]], Floats]:
-    """Return what runs a tree, by its number, from some starts of a contest."""
+    """Return a function that runs a tree, by its number, from some starts of a contest."""
 
     def run(tree: int, starts: Sequence[int]) -> Floats:
         numbers = CONTEST + np.array(starts)

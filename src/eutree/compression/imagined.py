@@ -1,6 +1,6 @@
-"""Cut a tree to size by what it would earn: by imagined returns in a world model of a history.
+"""Cut a tree to size by its expected return: by imagined returns in a world model of a history.
 
-Labels do not say what a leaf is worth: a leaf that decides a hundredth of all observations may be
+Labels do not show the worth of a leaf: a leaf that decides a hundredth of all observations may be
 the one that brakes. Where transitions are at hand, an ensemble of networks is fitted to them and
 cuts are chosen by imagined episodes; the cheapest pruning by labels is a rival as well.
 """
@@ -57,11 +57,11 @@ class ImaginedCommonEpisodes(PairedEpisodes):
     def gains(
         self, rivals: Sequence[TreePolicy], *, few: bool = False, above: float = -np.inf
     ) -> list[Gain]:
-        """Return what rivals are imagined to earn more than the present tree."""
+        """Return the gains over the present tree that rivals are imagined to make."""
         return [self._gain(one, above) for one in rivals]
 
     def gains_of_moves(self, moves: Sequence[Move], *, few: bool = False) -> list[Gain]:
-        """Return what moved thresholds, each alone, are imagined to earn more."""
+        """Return the imagined gains of moved thresholds, each alone."""
         present = acting(self.present)
         if present.feature.size != self.present.tree.n_nodes:  # siblings were joined
             return self.gains([moved(self.present, *one) for one in moves], above=0.0)
@@ -81,7 +81,7 @@ class ImaginedCommonEpisodes(PairedEpisodes):
 
 
 def acting(policy: TreePolicy) -> ActionTree:
-    """Return what a world model runs of a policy."""
+    """Return the form of a policy that a world model runs."""
     tree = policy.tree
     inner = tree.feature != tree.NO_FEATURE
     if not _in_preorder(tree):
@@ -109,7 +109,7 @@ def _in_preorder(tree: DecisionTree) -> bool:
 Experience = History | Demonstrations | Transitions
 
 TRIES = 6  # prunings with imagined episodes of their own
-TIMES = 3  # leaves to prune from, in those allowed; what is larger is cut by labels first
+TIMES = 3  # leaves to prune from, in those allowed; a larger tree is cut by labels first
 N_STARTS = 50  # first observations of imagined episodes
 SELECTION_STARTS = 2 * N_STARTS  # of those that choose among prunings, and chose no cut
 
@@ -119,12 +119,12 @@ class Pruned:
     """A tree cut to size.
 
     Attributes:
-        policy: The tree.
+        policy: The tree that was cut.
         method: ``"imagined"``, or ``"budget"`` where cutting by labels was better.
         before: Score of the input in imagined episodes that chose nothing.
         after: The same of the result.
         asked: The trees that the model was asked about, the input first.
-        scores: What it imagined of each, shape [n].
+        scores: Its imagined score of each, shape [n].
     """
 
     policy: TreePolicy
@@ -154,8 +154,8 @@ class ImaginedEpisodes:
     """Episodes imagined by a world model.
 
     Attributes:
-        experience: What it is fitted to: a run's ``history``, demonstrations, or transitions.
-        world_model: How.
+        experience: The data it is fitted to: a run's ``history``, demonstrations, or transitions.
+        world_model: The settings of the world model.
     """
 
     experience: Experience
@@ -195,7 +195,7 @@ class ImaginedEpisodes:
         Args:
             known: Transitions to fit a world model to.
             policy: The tree, without locks.
-            costs: What other decisions cost at the recorded observations, by labels.
+            costs: The costs of other decisions at the recorded observations, by labels.
             max_leaves: Most leaves of the result.
             generator: Source of all chance.
         """

@@ -36,7 +36,7 @@ FAILURE = 0.2  # of the range of returns, that a failed episode costs beside its
 
 @dataclass(frozen=True, eq=False)
 class Outcome(Earned):
-    """What a tree earned from common starts."""
+    """The returns and successes of a tree from common starts."""
 
     returns: Floats  # [E]
     successes: Booleans | None  # [E]
@@ -102,14 +102,14 @@ class _Forest:
 
 @dataclass(eq=False)
 class Ground:
-    """Where trees play, and how much they did.
+    """The place where trees play, and how much they did.
 
     Attributes:
         env: The environment.
         seed: Seed of all its episodes.
         recipe: How other processes make it; None keeps all episodes in this one.
         n_jobs: Processes, as joblib counts them.
-        stream: What the episodes are for.
+        stream: The use of the episodes.
         steps: Environment steps so far.
         episodes: Episodes so far.
     """
@@ -134,7 +134,7 @@ class Ground:
         """Return the outcome of each pair of a tree and a start, and its steps.
 
         Args:
-            trees: The trees.
+            trees: The policies that play.
             which: Number of the tree of each pair, shape [P].
             starts: Number of the start of each pair, shape [P].
         """
@@ -203,8 +203,8 @@ class PairedEpisodes(ABC):
 
     Attributes:
         present: The tree that ran last.
-        returns: Its returns.
-        features: What it saw at steps of its episodes.
+        returns: The return of each of its episodes.
+        features: The features at steps of its episodes.
         scale: Width of the range of the first tree's returns.
     """
 
@@ -247,16 +247,16 @@ class PairedEpisodes(ABC):
     def gains(
         self, rivals: Sequence[TreePolicy], *, few: bool = False, above: float = -np.inf
     ) -> "list[Gain]":
-        """Return what rivals are worth more than the present tree.
+        """Return the gains of rivals over the present tree.
 
         Args:
-            rivals: The trees.
+            rivals: The trees to compare with it.
             few: Whether some of the starts are enough to see that a change does harm.
-            above: What comes to less is hopeless, and may be given up early.
+            above: A smaller gain is hopeless, and may be given up early.
         """
 
     def gains_of_moves(self, moves: Sequence[Move], *, few: bool = False) -> "list[Gain]":
-        """Return what moved thresholds, each alone, are worth more than the present tree."""
+        """Return the gains of moved thresholds, each alone, over the present tree."""
         return self.gains([moved(self.present, *one) for one in moves], few=few)
 
 
@@ -264,14 +264,12 @@ class CommonEpisodes(PairedEpisodes):
     """Episodes in an environment; none is given up, and few are a quarter of the starts.
 
     Args:
-        ground: Where they play.
+        ground: Plays the trees.
         n: Starts of a draw.
         first: The first of all starts.
 
     Attributes:
-        ground: As given.
-        n: As given.
-        outcome: What the present tree earned.
+        outcome: The returns and successes of the present tree.
         traces: Each step of its episodes.
     """
 
@@ -297,7 +295,7 @@ class CommonEpisodes(PairedEpisodes):
         self.returns, self.features = self.outcome.returns, self.traces.features
 
     def worth(self, outcome: Outcome) -> Floats:
-        """Return what each episode is worth: its return, less a price where it failed, [E]."""
+        """Return the worth of each episode: its return, less a price where it failed, [E]."""
         if outcome.successes is None:
             return outcome.returns
         return outcome.returns - FAILURE * (self.scale or 0.0) * ~outcome.successes
@@ -305,7 +303,7 @@ class CommonEpisodes(PairedEpisodes):
     def gains(
         self, rivals: Sequence[TreePolicy], *, few: bool = False, above: float = -np.inf
     ) -> "list[Gain]":
-        """Return what rivals are worth more than the present tree."""
+        """Return the gains of rivals over the present tree."""
         n = self.n // SCREENED if few else self.n
         own = self.worth(self.outcome)[:n]
         found = (self.worth(one) - own for one in self.outcomes(rivals, n))
@@ -314,7 +312,7 @@ class CommonEpisodes(PairedEpisodes):
         return [Gain(float(g.mean()), float(g.std() / np.sqrt(n)), True) for g in found]
 
     def outcomes(self, rivals: Sequence[TreePolicy], n: int | None = None) -> list[Outcome]:
-        """Return what rivals earn from the first ``n`` of the present starts."""
+        """Return the outcomes of rivals from the first ``n`` of the present starts."""
         n = n or self.n
         touched = [self._departs(rival, n) for rival in rivals]
         which = np.repeat(np.arange(len(rivals)), [one.size for one in touched])

@@ -2,8 +2,8 @@
 
 From the tree down, size by size: of the trees that are left of a size the best few are kept, their
 thresholds moved to where they earn most, and of these the smaller ones are made: a node gives way
-to one of its children or to a single action, or the part below it is fitted again, by C4.5, to what
-it decided where it was visited, in fewer boxes. Each size has starts of its own, so what was lucky
+to one of its children or to a single action, or the part below it is fitted again, by C4.5, to its
+own decisions where it was visited, in fewer boxes. Each size has starts of its own, so a tree lucky
 at one size has to prove itself at the next.
 """
 
@@ -35,13 +35,12 @@ class FrontSearch:
     """Finds the best tree of each size.
 
     Args:
-        policies: The trees to begin with, the first of which says what returns there are.
-        episodes: Where trees run.
+        policies: The trees to begin with; the first shows the range of returns.
+        episodes: The episodes in which trees are compared.
         budget: Steps; the search ends with the size at which they are used up.
-        checked: What a tree becomes before it runs: with the locked leaves in it, or rounded.
+        checked: Prepares a tree before it runs: puts the locked leaves in, or rounds it.
 
     Attributes:
-        episodes: As given.
         found: Trees of each size, the best first.
     """
 
@@ -66,7 +65,7 @@ class FrontSearch:
         """Search from the largest size down to ``least`` leaves.
 
         Args:
-            least: Fewest leaves.
+            least: Fewest leaves to search.
             loses: Share of the range of returns: a size at which more is lost is the last one.
         """
         size, lost = max(self._pool), 0.0
@@ -184,7 +183,7 @@ def _cuts(policy: TreePolicy) -> Iterator[TreePolicy]:
 
 
 def _refitted(episodes: PairedEpisodes) -> Iterator[TreePolicy]:
-    """Yield the tree with a part fitted again to what it decided, in fewer leaves."""
+    """Yield the tree with a part fitted again to its own decisions, in fewer leaves."""
     policy, features = episodes.present, episodes.features
     tree = policy.tree
     leaves = tree.leaf_index(features)

@@ -1,4 +1,4 @@
-"""Look into policies: what differs, what is true of them, and why they decide as they do."""
+"""Look into policies: their differences, their proven properties, the reasons of a decision."""
 
 from eutree.inspection.diff import Disagreement, PolicyDiff, diff
 from eutree.inspection.edit import Edited, edit, enforce, numbered

@@ -1,4 +1,4 @@
-"""What changed between two policies: in behaviour, exactly, and in structure."""
+"""The changes between two policies: in behaviour, exactly, and in structure."""
 
 from collections import defaultdict
 from dataclasses import dataclass, replace
@@ -20,7 +20,7 @@ class Disagreement:
     """A box on which two policies decide differently.
 
     Attributes:
-        region: The box.
+        region: The bounds of the box.
         share: The share of the observation box that it takes.
         first: Action of the first policy.
         second: Action of the second.
@@ -38,14 +38,14 @@ class Disagreement:
 
 @dataclass(frozen=True)
 class PolicyDiff(Displayed):
-    """What changed between two policies.
+    """The changes between two policies.
 
     Attributes:
         share: Exact share of the observation box on which they disagree.
         boxes: All boxes of disagreement; neighbours are joined. The largest come first or, where
             recorded observations are given, the most visited.
-        structure: What changed in the tree, from the root on, in words.
-        n_leaves: Leaves of both.
+        structure: The changes in the tree, from the root on, in words.
+        n_leaves: Leaves of the first and of the second.
         visited: The share of the recorded observations on which they disagree; None where none
             are given.
     """
@@ -71,7 +71,7 @@ class PolicyDiff(Displayed):
 
 
 def _share(box: Disagreement) -> str:
-    """Return how large a box is, or how much of what was recorded lies in it."""
+    """Return how large a box is, or how many of the recorded steps lie in it."""
     return f"{box.share:.4%}" if box.visited is None else f"{box.visited:.1%} of the steps"
 
 
@@ -81,12 +81,12 @@ def diff(
     """Return the changes between two policies of the same features and actions.
 
     The box is that of the schema's bounds; where they are infinite it reaches a tenth beyond the
-    outermost thresholds of both trees and of what was observed, if that is given. Two thresholds
+    outermost thresholds of both trees and of the observations, if these are given. Two thresholds
     that are nearer than a millionth of the range are one.
 
     Args:
-        first: The policy before.
-        second: The policy after.
+        first: The policy before the change.
+        second: The policy after the change.
         observations: Recorded observations, shape [N, d], in the features of the trees: how much of
             them each change concerns is counted, and the changes stand in that order.
 

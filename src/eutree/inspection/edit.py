@@ -23,9 +23,9 @@ class Edited(Displayed):
     """An edited policy.
 
     Attributes:
-        policy: The policy.
-        changes: What was changed, in words.
-        warnings: What the changes did besides, in words: leaves that nothing reaches any more.
+        policy: The policy with the changes.
+        changes: The changes, in words.
+        warnings: The side effects of the changes, in words: leaves that nothing reaches any more.
     """
 
     policy: TreePolicy
@@ -43,11 +43,11 @@ def edit(
 ) -> Edited:
     """Return the policy with some changes made by hand.
 
-    What is locked stays: neither an edit nor ``learn`` changes the action of a locked leaf, splits
-    it or moves a threshold above it. Unlocking comes first, locking last.
+    A locked leaf stays: neither an edit nor ``learn`` changes its action, splits it or moves a
+    threshold above it. Unlocking comes first, locking last.
 
     Args:
-        policy: The policy.
+        policy: The policy to change.
         thresholds: New threshold of some inner nodes, within the bounds of their features.
         actions: New action, by name, of some leaves, by the number of the leaf.
         lock: Nodes below which all leaves are locked.
@@ -162,7 +162,7 @@ def enforce(policy: TreePolicy, properties: str | Iterable[str]) -> Edited:
     ones must not contradict the earlier ones.
 
     Args:
-        policy: The policy.
+        policy: The policy to put under rules.
         properties: ``"always ACTION when CONDITIONS"``, one or several, as for ``verify``; with
             two actions ``"never ACTION when CONDITIONS"`` too.
 

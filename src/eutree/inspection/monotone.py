@@ -68,10 +68,10 @@ def keep_monotone(
     Where it keeps them already, it is returned as it is. Locked leaves keep their actions.
 
     Args:
-        policy: The policy.
-        rules: What ``monotone_rules`` returned.
-        weights: What each action is worth in each leaf, shape [L, A]: counts of what was shown
-            there, say. By default the visits of a leaf for the action it has.
+        policy: The policy to change.
+        rules: The result of ``monotone_rules``.
+        weights: The worth of each action in each leaf, shape [L, A]: how often it was shown there,
+            say. By default the visits of a leaf for the action it has.
         allowed: Which actions a leaf may name, shape [L, A] (``eutree.policies.reach.ever_allowed``
             says so of masks); another one is named only where no tree keeps the rules without it.
 
@@ -133,7 +133,7 @@ def _labels(
 
 
 def _worth(policy: TreePolicy) -> Floats:
-    """Return what each action is worth in each leaf: its visits, for the action that it has."""
+    """Return the worth of each action in each leaf: its visits, for the action that it has."""
     worth = np.full((policy.n_leaves, policy.schema.n_actions), 0.0)
     visits = np.ones(policy.n_leaves)
     if policy.leaves is not None:
@@ -218,7 +218,7 @@ def _closed_sets(rule: Property, schema: Schema) -> list[frozenset[int]]:
 
 
 def _direction(rule: Property, schema: Schema) -> tuple[int, frozenset[int], int, bool]:
-    """Return what is kept, in which feature, and whether it falls; two actions as the first."""
+    """Return the control and the actions kept, the feature, and whether it falls."""
     mirrored = _is_mirrored(rule, schema)
     actions = frozenset({0}) if mirrored else rule.actions
     return rule.control, actions, rule.feature, rule.falls != mirrored

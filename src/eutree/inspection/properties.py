@@ -12,7 +12,7 @@ Its grammar::
                | CHOICE "is" ["not"] CATEGORY {"," CATEGORY}
     COMPARISON = "<" | "<=" | ">" | ">=" | "="
 
-A QUANTITY is what actions set, the valve of ``valve 25 %``. A CHOICE is a one-hot group or a
+A QUANTITY is set by the actions, the valve of ``valve 25 %``. A CHOICE is a one-hot group or a
 feature whose values have names. Names with signs such as ``<``, or such as ``when``, stand in
 double quotes, as JSON strings.
 """
@@ -69,7 +69,7 @@ class Property:
     control: int = -1
 
     def ranks(self, schema: Schema) -> Floats:
-        """Return of each action what must not fall: the quantity, or 1 for the action, [A]."""
+        """Return the rank of each action, which must not fall: its quantity, or 1 if kept, [A]."""
         if self.control >= 0:
             return np.array(schema.action_values, dtype=np.float64)[:, self.control]
         kept = np.isin(np.arange(schema.n_actions), list(self.actions))

@@ -55,7 +55,7 @@ class Region:
         """Return the box in words; bounds that ``within`` implies are left out.
 
         Args:
-            schema: Names and units.
+            schema: Names and units of the features.
             within: A box that is known to hold this one.
             digits: Which digits of the bounds are shown; by default those that tell them apart.
         """
@@ -114,7 +114,7 @@ def domain(schema: Schema) -> Region:
 
 
 def leaf_parts(tree: DecisionTree, schema: Schema) -> tuple[Floats, Floats]:
-    """Return what observations within the schema's bounds reach of each leaf's box, [L, d] each."""
+    """Return the part of each leaf's box that lies within the schema's bounds, [L, d] each."""
     inside = domain(schema)
     low, high = leaf_boxes(tree)
     return possible(np.maximum(low, inside.low), np.minimum(high, inside.high), schema)
@@ -126,8 +126,8 @@ def finite_box(
     """Return the box that shares are of: the schema's bounds.
 
     An infinite bound is replaced by the outermost of the trees' thresholds on the feature and of
-    what was seen of it [N, d], moved outwards by a tenth of what they span (by 1 where that is
-    nothing).
+    the observations ``seen`` of it [N, d], moved outwards by a tenth of their span (by 1 where that
+    is nothing).
     """
     low = np.array([feature.low for feature in schema.features])
     high = np.array([feature.high for feature in schema.features])
@@ -148,9 +148,9 @@ def ways(
     """Yield pairs of leaves: raising a feature, or lowering it, leads from the first to the second.
 
     Args:
-        tree: The tree.
+        tree: The tree whose leaves are paired.
         low: Where the part of each leaf begins that is asked about, shape [L, d].
-        high: Where it ends.
+        high: Where that part ends.
         leaves: From which it leads.
         feature: The feature; nothing else changes.
         falls: Whether it is lowered.

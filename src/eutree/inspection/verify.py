@@ -32,7 +32,7 @@ class CounterExample:
         region: A box of observations that break it, none of which keeps it.
         point: An observation inside.
         raised: For monotonicity: ``point`` with the feature changed, where the action is another.
-        action: What is decided at ``point``; for monotonicity at ``raised``.
+        action: The decision at ``point``; for monotonicity at ``raised``.
         leaf: The leaf of ``point``.
         share: Share of the region in question that the box takes.
         words: The box in words.
@@ -52,12 +52,12 @@ class Verification(Displayed):
     """The answer to a question.
 
     Attributes:
-        property: The question.
+        property: The property in question.
         holds: Whether it is proven; else it is refuted.
         counter_examples: Where it fails, the largest box first; empty for a proof.
         share: Share of the region in question where it fails; for monotonicity of the largest box.
         leaves_checked: How many leaves reach into the region in question.
-        note: What a reader of a proof should know besides; empty for none.
+        note: A caution for the reader of a proof; empty for none.
     """
 
     property: str
@@ -86,7 +86,7 @@ class _Pair(NamedTuple):
 
 
 class _Part(NamedTuple):
-    """What a property comes to in one box: how many leaves reach into it, and how large it is."""
+    """A property in one box: how many leaves reach into it, and how large it is."""
 
     examples: list[CounterExample]
     leaves: int
@@ -106,12 +106,12 @@ def verify(
     - ``never ACTION when ...``: no observation that meets the conditions gets the action.
     - ``always ACTION when ...``: all of them do.
     - ``monotone ACTION in FEATURE when ...``: raising the feature, and nothing else, never
-      switches away from the action, or never lowers a quantity that the actions set (``in falling
+      switches away from the action, or never lowers a quantity set by the actions (``in falling
       FEATURE``: lowering it).
     - ``no dead leaves``: each leaf was reached by one of the recorded observations.
 
     Args:
-        policy: The policy.
+        policy: The policy in question.
         question: A property; the language is that of :mod:`eutree.inspection.properties`.
         observations: Recorded observations, shape [N, d]; for dead leaves only.
         everywhere: Ask for all doubles, not only those within the schema's bounds.
@@ -150,7 +150,7 @@ def verify(
 
 
 def _part(policy: TreePolicy, asked: Property, region: Region, everywhere: bool) -> _Part | None:
-    """Return what a property comes to in one of its boxes; None where it holds no observation."""
+    """Return the part of a property in one of its boxes; None where it holds no observation."""
     schema = policy.schema
     low, high = leaf_boxes(policy.tree)
     low, high = np.maximum(low, region.low), np.minimum(high, region.high)
@@ -215,7 +215,7 @@ def _switching(
     """
     low, high = boxes
     schema, j = policy.schema, asked.feature
-    rank = asked.ranks(schema)[policy.actions]  # [L]: what must not fall
+    rank = asked.ranks(schema)[policy.actions]  # [L]: the value that must not fall
     keeps = reaching[rank[reaching] > rank[reaching].min(initial=np.inf)]
     is_reached = np.zeros(policy.n_leaves, dtype=bool)
     is_reached[reaching] = True

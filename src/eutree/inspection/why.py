@@ -1,4 +1,4 @@
-"""Why a policy decides as it does: the path, how near each test was, and what would change it."""
+"""Why a policy decides as it does: the path, the margin of each test, the nearest alternatives."""
 
 from dataclasses import dataclass
 
@@ -22,7 +22,7 @@ class PathTest:
     Attributes:
         node: The node that tests.
         feature: The feature tested.
-        threshold: Its threshold.
+        threshold: The largest value for which the test is true.
         value: The observation's value.
         is_true: Whether the value is at most the threshold.
         distance: How far the value is from the threshold, in the feature's unit; how much changes
@@ -44,11 +44,11 @@ class Alternative:
     """The nearest observation with another action.
 
     Attributes:
-        action: That action.
+        action: The other action.
         observation: The nearest observation of doubles that gets it, whole where features are.
         distance: Largest change of a feature, each in its scale.
         leaf: The leaf of that observation.
-        words: What has to change, in words.
+        words: The changes that it needs, in words.
     """
 
     action: int
@@ -65,7 +65,7 @@ class Support:
     Attributes:
         episode: Number of the episode among the kept ones.
         step: Step within the episode.
-        action: What was shown.
+        action: The action shown.
     """
 
     episode: int
@@ -78,8 +78,8 @@ class Explanation(Displayed):
     """Why a policy decides as it does for one observation.
 
     Attributes:
-        action: The decision.
-        leaf: The leaf.
+        action: The action decided.
+        leaf: The number of the leaf that decides.
         path: The tests from the root to the leaf.
         region: The leaf's box in words.
         alternatives: For each other action that some leaf has, the nearest observation that gets
@@ -120,9 +120,9 @@ def why(
     nearest leaf, at its nearest double within the bounds of the features.
 
     Args:
-        policy: The policy.
-        observation: The features of the tree, shape [d] (history included); or what is measured of
-            them, as at the first step of an episode.
+        policy: The policy that decides.
+        observation: The features of the tree, shape [d] (history included); or the measured ones
+            alone, as at the first step of an episode.
         demonstrations: Whose steps in the same leaf to name.
         scale: Of each feature, shape [d]; by default the width between its bounds, 1 where they
             are infinite or equal.
@@ -249,7 +249,7 @@ def _support(policy: TreePolicy, leaf: int, demonstrations: Demonstrations) -> t
 
 
 def _tried(policy: TreePolicy, leaf: int) -> list[str]:
-    """Return what is known of each action that was tried in the leaf, and which were not."""
+    """Return the facts on each action that was tried in the leaf, and the actions that were not."""
     known, names = policy.leaves, [printable(name) for name in policy.schema.actions]
     if known is None:
         return []

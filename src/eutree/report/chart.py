@@ -18,7 +18,7 @@ Series = Mapping[str, Sequence[tuple[float, float, float, float]]]
 _WIDTH, _HEIGHT, _LOW = 420.0, 250.0, 150.0
 _LEFT, _RIGHT, _TOP, _BOTTOM = 58.0, 10.0, 10.0, 36.0
 STYLES = 5
-_LEAST = 0.1  # of the largest value: what an axis spans at least
+_LEAST = 0.1  # of the largest value: the least span of an axis
 _MEASURES = {"success_rate": "success rate", "mean_return": "return", "n_leaves": "leaves"}
 
 
@@ -40,7 +40,7 @@ class _Plane:
         return self.height - _BOTTOM - share * (self.height - _TOP - _BOTTOM)
 
     def frame(self, label: str, x_title: str, y_labels: Sequence[str]) -> list[str]:
-        """Return the beginning of the drawing: what a screen reader says, grid and axis."""
+        """Return the beginning of the drawing: the words for a screen reader, grid and axis."""
         bottom = self.height - _BOTTOM
         return [
             f'<svg class="chart" viewBox="0 0 {_WIDTH:.0f} {self.height:.0f}" role="img" '
@@ -75,14 +75,14 @@ def chart(
     """Return one chart of several series over episodes, or over something else.
 
     Args:
-        title: What is measured; said by screen readers together with each last value.
+        title: The name of the measure; said by screen readers together with each last value.
         series: Points of each learner, in the order of their episodes.
-        over: What goes from left to right.
+        over: The name of the horizontal axis.
         percent: Whether the values are shares, to be shown as percentages.
         whole: Whether they are counts, of which there are no halves.
         ends: The least and the largest value of the axis, of one of several charts, which are low;
             by default those of the series.
-        names: What the values 0, 1, ... are called.
+        names: The names of the values 0, 1, ...
     """
     points = [point for entries in series.values() for point in entries]
     if not points:
@@ -120,7 +120,7 @@ def chart(
 def curves(learners: Mapping[str, Sequence[CurvePoint]]) -> dict[str, Series]:
     """Return success, return and leaves of learners by the name of the measure.
 
-    What is not known of every point is left out.
+    A measure that is not known at every point is left out.
     """
     return {
         measure: {
@@ -149,10 +149,10 @@ def scatter(
     """Return a chart of single points.
 
     Args:
-        x_title: What is measured from left to right.
-        y_title: What is measured upwards.
+        x_title: The measure from left to right.
+        y_title: The measure upwards.
         points: Both measures of each, and its name, which is shown under the pointer.
-        percent: Whether what is measured upwards are shares, to be shown as percentages.
+        percent: Whether the upward values are shares, to be shown as percentages.
     """
     across, up, _ = zip(*points, strict=True)
     counts = all(float(x).is_integer() for x in across)
@@ -171,10 +171,10 @@ def scatter(
 
 
 def legend(names: Sequence[str], styles: Sequence[int] | None = None) -> str:
-    """Return the list of learners, or of what else is drawn, with the line of each.
+    """Return the list of learners, or of other things drawn, with the line of each.
 
     Args:
-        names: Their names.
+        names: One name for each line.
         styles: The style of each line; by default one after the other.
     """
     styles = styles or [k % STYLES for k in range(len(names))]
@@ -224,7 +224,7 @@ def front_in_words(front: Sequence[FrontEntry]) -> str:
     """Return the mean return of each size, in a line.
 
     Args:
-        front: What was learned and the best tree of each size, the largest first.
+        front: The learned tree and the best tree of each size, the largest first.
     """
     return "; ".join(f"{counted(one.policy.n_leaves, 'leaf')}: {_earned(one)}" for one in front)
 
@@ -233,7 +233,7 @@ def front_section(front: Sequence[FrontEntry], picked: int | None) -> str:
     """Return the charts of a front, and its trees, of which one is open at a time.
 
     Args:
-        front: What was learned and the best tree of each size, the largest first.
+        front: The learned tree and the best tree of each size, the largest first.
         picked: Leaves of the tree that was picked; None for none.
     """
     walk = "".join(
@@ -251,10 +251,10 @@ def front_section(front: Sequence[FrontEntry], picked: int | None) -> str:
 
 
 def front_charts(front: Sequence[FrontEntry]) -> list[str]:
-    """Return what each size earns, and how often it succeeds where that is reported, drawn.
+    """Return the return of each size, and its share of successes where that is reported, drawn.
 
     Args:
-        front: What was learned and the best tree of each size, the largest first.
+        front: The learned tree and the best tree of each size, the largest first.
     """
     rates = [(one, one.success_rate) for one in front if one.success_rate is not None]
     charts = [_chart("mean return", [(one, one.mean_return) for one in front])] if front else []
@@ -283,7 +283,7 @@ def _name(number: int, one: FrontEntry, picked: int | None) -> str:
 
 
 def _step(larger: FrontEntry, one: FrontEntry, name: str) -> str:
-    """Return a tree, folded, with what changed from its larger neighbour."""
+    """Return a tree, folded, with the changes from its larger neighbour."""
     title = f"{counted(one.policy.n_leaves, 'leaf')}{name}: {_earned(one)}"
     changed = "" if one is larger else _changed(larger, one)
     label = f"{counted(one.policy.n_leaves, 'leaf')}{name}, drawn"
@@ -292,7 +292,7 @@ def _step(larger: FrontEntry, one: FrontEntry, name: str) -> str:
 
 
 def _changed(larger: FrontEntry, one: FrontEntry) -> str:
-    """Return what a tree costs beside its larger neighbour, and where it decides otherwise."""
+    """Return the cost of a tree beside its larger neighbour, and where it decides otherwise."""
     found = diff(larger.policy, one.policy)
     cost = one.mean_return - larger.mean_return
     words = (

@@ -21,7 +21,7 @@ class DemonstrationFigures:
     """The figures of demonstrations.
 
     Attributes:
-        demonstrations: The demonstrations.
+        demonstrations: The episodes that were measured.
         curve: The learning curve of the expert tree; None with too few episodes.
     """
 
@@ -156,7 +156,7 @@ def demonstrations_page(
         demonstrations: The episodes; discarded ones are drawn too, marked.
         title: Heading of the page.
         numbers: Number of each episode in its folder; 0, 1, ... if not given.
-        figures: What ``demonstration_figures`` found; computed if not given.
+        figures: The result of ``demonstration_figures``; computed if not given.
     """
     numbers = range(len(demonstrations.episodes)) if numbers is None else numbers
     figures = figures or demonstration_figures(demonstrations)
@@ -171,7 +171,7 @@ def demonstrations_page(
 
 
 def _head(demonstrations: Demonstrations, title: str, figures: DemonstrationFigures) -> str:
-    """Return what the demonstrations are worth, then what they are."""
+    """Return the worth of the demonstrations, then the facts about them."""
     discarded = len(demonstrations.episodes) - len(demonstrations)
     facts = [
         str(demonstrations.environment or "environment unknown"),
@@ -222,7 +222,7 @@ def _ends(values: Floats) -> tuple[float, float]:
 def _card(
     episode: Episode, number: int, schema: Schema, ends: Sequence[tuple[float, float]]
 ) -> str:
-    """Return one episode: what became of it, and its course."""
+    """Return one episode: its result, and its course."""
     result = episode.ending or "no ending recorded"
     badges = [] if episode.kept else [episode.comment or "discarded"]
     if episode.kept and episode.comment:

@@ -1,7 +1,7 @@
 """The frame of every page: one file, nothing from outside, a strict Content-Security-Policy.
 
 Style and script come from the files in ``assets``. The policy of the page names them by their
-SHA-256, so no other script or style can run, whatever a name or a note holds.
+SHA-256, so no other script or style can run, whichever text a name or a note holds.
 """
 
 import base64
@@ -35,10 +35,10 @@ def page(*, title: str, body: str, style: str, script: str = "", data: Any = Non
 
     Args:
         title: The page's title, as plain text.
-        body: HTML of the body; its maker escapes what it holds.
-        style: What it adds to the style that all pages share, for example ``asset("chart.css")``.
+        body: HTML of the body; its maker escapes all texts in it.
+        style: Its addition to the style that all pages share, for example ``asset("chart.css")``.
         script: The one script; it runs after the body.
-        data: What the script reads as JSON from the element ``data``; numbers must be finite.
+        data: The script reads it as JSON from the element ``data``; numbers must be finite.
     """
     style = base_style() + style
     sources = {
@@ -87,7 +87,7 @@ class Pointer:
     """Words of a verdict that point at a place of the page.
 
     Attributes:
-        words: The words.
+        words: The part of the sentence that becomes a link.
         target: Id of the element, or ``node-N`` for a node of the page's tree.
     """
 
@@ -102,9 +102,9 @@ def head(title: str, verdict: Verdict, facts: Sequence[str] = (), *, beside: str
     """Return the head of a page.
 
     Args:
-        title: What the page is about.
+        title: The subject of the page.
         verdict: The most important sentence; parts of it may point at a place of the page.
-        facts: Sentences on how that was found out.
+        facts: Sentences on how the verdict was found.
         beside: HTML that stands beside the words.
     """
     sentence = "".join(map(_part, verdict))
@@ -138,7 +138,7 @@ def scrolling(label: str, content: str, *, tag: str = "div", kind: str = "") -> 
 
 @dataclass(frozen=True)
 class LeafChange:
-    """What an earlier policy did where a leaf decides now.
+    """The earlier policy's decisions where a leaf decides now.
 
     Attributes:
         was: The earlier action, the most frequent of those that differ.

@@ -122,7 +122,7 @@ def _drawn(policy: TreePolicy) -> str:
 
 
 def _facts(facts: Mapping[str, str]) -> str:
-    """Return a table of what is known; what is empty is left out."""
+    """Return a table of the known facts; empty ones are left out."""
     rows = "".join(
         f'<tr><th scope="row">{escape(name)}</th><td>{escape(words)}</td></tr>'
         for name, words in facts.items()

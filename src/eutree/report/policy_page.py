@@ -1,4 +1,4 @@
-"""A policy watched while it decides: the tree, an episode player, what is known of each leaf."""
+"""A policy watched while it decides: the tree, an episode player, the facts about each leaf."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -34,12 +34,12 @@ def policy_page(
     """Return one self-contained HTML page on which the policy can be watched and questioned.
 
     Args:
-        policy: The policy.
+        policy: The policy to be watched.
         episodes: Episodes of the policy to play, with or without pictures.
         demonstrations: Which demonstrated steps fell in which leaf is shown, if given.
-        certificate: What is proven of it is shown, if given.
+        certificate: The proven properties of the policy are shown, if given.
         title: Heading of the page; by default the environment's id.
-        file: Name of the policy's file, for the command line that repeats what is changed on the
+        file: Name of the policy's file, for the command line that repeats the changes made on the
             page and for the name of the edited file.
         size_limit: Size of the page in bytes above which pictures are left out, those of the
             last episodes first.
@@ -66,7 +66,7 @@ def policy_page(
 
 
 def _made_with(policy: TreePolicy) -> list[str]:
-    """Return what the actions set, and the arguments of the environment that are a word each."""
+    """Return the quantities of the actions, and the arguments of the environment in a word each."""
     found = []
     for control in policy.schema.controls:
         low, high = min(control.levels), max(control.levels)
@@ -120,7 +120,7 @@ def _leaves(policy: TreePolicy, episode: Episode) -> list[int]:
 
 
 def _outcome(played: Sequence[Episode]) -> str:
-    """Return how many episodes succeed or, where that is not reported, what they earn."""
+    """Return how many episodes succeed or, where that is not reported, their mean return."""
     known = [episode.is_success for episode in played if episode.is_success is not None]
     if known:
         verb = "succeeds" if len(known) == 1 else "succeed"
@@ -138,7 +138,7 @@ def _pointer(policy: TreePolicy, leaf: int) -> Pointer:
 
 
 def _proven(certificate: "Certificate | None") -> str:
-    """Return the part of the page that says what is proven, if anything is."""
+    """Return the part of the page with the proven properties, if there are any."""
     if certificate is None:
         return ""
     from eutree.report.proof_page import certificate_section

@@ -19,8 +19,8 @@ def proof_page(certificate: Certificate, *, title: str, policy: TreePolicy) -> s
     """Return one self-contained HTML page of a certificate.
 
     Args:
-        certificate: The certificate.
-        title: What it is about: the environment.
+        certificate: The properties proven of the policy, and how.
+        title: The subject: the environment.
         policy: The policy, whose rules the page shows.
     """
     rules = f"<h2>The policy</h2><pre>{escape(str(policy))}</pre>"
@@ -52,7 +52,7 @@ def drawn(picture: Picture, heading: str) -> str:
     Along one number values are heights as well.
 
     Args:
-        picture: The picture.
+        picture: Values over one number or two.
         heading: The element of its title: ``h2`` or ``h3``.
     """
     rows = picture.marks.shape[1]

@@ -30,7 +30,7 @@ Event = dict[str, Any]
 
 
 def report_of_run(folder: str | Path) -> RunReport:
-    """Return what the page of a run shows.
+    """Return the content of a run's page.
 
     Args:
         folder: The run folder, of a run that is over or under way.
@@ -187,7 +187,7 @@ def _races(events: Sequence[Event]) -> list[tuple[str, ...]]:
 
 
 def _fate(entrant: int, end: Mapping[str, Any] | None) -> str:
-    """Return what a race did to a tree."""
+    """Return the outcome of a race for a tree."""
     if end is None:
         return ""
     winner = end.get("winner")

@@ -1,4 +1,4 @@
-"""The report of a run: the verdict, the tree to watch, what changed, curves, the rest folded."""
+"""The report of a run: the verdict, the tree to watch, changes and curves, the rest folded."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -41,10 +41,10 @@ class Headline:
     """One of the large figures below the verdict.
 
     Attributes:
-        label: What it is of.
-        figure: The figure.
-        interval: Its interval, or what else belongs to it.
-        words: A few words on what that is.
+        label: The name of the figure.
+        figure: Its value, as a text.
+        interval: Its interval, or other words that belong to it.
+        words: A few words on its meaning.
     """
 
     label: str
@@ -59,8 +59,8 @@ class Table:
 
     Attributes:
         header: Titles of the columns.
-        rows: The rows.
-        caption: What it shows and what it was measured on.
+        rows: The cells of each row, the name first.
+        caption: Its subject, and the episodes on which it was measured.
         marked: Number of the row to point out; -1 for none.
     """
 
@@ -72,15 +72,15 @@ class Table:
 
 @dataclass(frozen=True, eq=False)
 class WatchedTree:
-    """The tree that the page shows, and what it plays.
+    """The tree that the page shows, and the episodes to play.
 
     Attributes:
-        policy: The policy.
+        policy: The policy of the tree.
         episodes: Episodes to play: its own, and those of others for comparison.
         changes: Leaves that decide otherwise than before, to be marked.
-        observations: What the shares of nodes are counted on, shape [N, d]; by default the
+        observations: The rows on which the shares of nodes are counted, [N, d]; by default the
             policy's own counts or else the episodes.
-        caption: What is to be seen.
+        caption: The words below the tree.
     """
 
     policy: TreePolicy
@@ -92,21 +92,21 @@ class WatchedTree:
 
 @dataclass(frozen=True)
 class RunReport:
-    """What a run's report shows; whatever is empty is left out.
+    """The content of a run's report; empty parts are left out.
 
     Attributes:
-        title: What the page is about.
+        title: The subject of the page.
         verdict: The result in a sentence.
         notes: Sentences below the verdict.
         stages: Large figures, in the order of the story.
         watched: The tree to watch.
-        changes: Sentences on what changed, each with the share of the steps that it concerns.
+        changes: Sentences on changes, each with the share of the steps that it concerns.
         curves: For each measure ("success rate", "return", "leaves") the points of each learner:
             episode, mean, low and high. A success rate is shown as a percentage.
         tables: Tables by title.
-        front: What was learned and the best tree of each size, the largest first.
+        front: The learned tree and the best tree of each size, the largest first.
         picked: Leaves of the tree of the front that was picked; None for none.
-        trust: What the world model imagined of trees, and what they really earned.
+        trust: The returns of trees as the world model imagined them, and their real ones.
         trees: Policies to draw, with a caption each; folded.
         texts: Further texts, such as source code, by title; folded.
         files: A label and a path, relative to the page, for each file to link.

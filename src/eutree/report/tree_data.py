@@ -1,4 +1,4 @@
-"""What the scripts of a page read: the tree, what is known of its leaves, episodes to play."""
+"""The data for the scripts of a page: the tree, the facts about its leaves, episodes to play."""
 
 import base64
 import json
@@ -30,7 +30,7 @@ def tree_data(
     demonstrations: Demonstrations | None = None,
     changes: Mapping[int, LeafChange] | None = None,
 ) -> dict[str, Any]:
-    """Return what a page's scripts read, without pictures.
+    """Return the data for a page's scripts, without pictures.
 
     Args:
         policy: The policy whose tree is drawn.
@@ -85,7 +85,7 @@ def tree_data(
 
 
 def _kind(feature: Feature) -> dict[str, Any]:
-    """Return what a page says of a feature in place of bounds; nothing of a quantity."""
+    """Return a feature's kind in place of bounds; nothing of a quantity."""
     if not feature.is_integer:
         return {}
     if feature.group:
@@ -155,7 +155,7 @@ def _document(policy: TreePolicy) -> Any:
 def _episode(
     policy: TreePolicy, episode: Episode, *, whole: bool, digits: int = SHORT
 ) -> dict[str, Any]:
-    """Return an episode: always which leaf each step fell in; what was seen, if ``whole``."""
+    """Return an episode: always the leaf of each step; the values sensed, if ``whole``."""
     features = policy_features(policy, episode)
     leaves = policy.tree.leaf_index(features)
     entry = {

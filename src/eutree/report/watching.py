@@ -1,4 +1,4 @@
-"""Episodes with pictures: what the policy's page plays."""
+"""Episodes with pictures, to be played on the policy's page."""
 
 from contextlib import closing
 from dataclasses import dataclass, replace
@@ -23,7 +23,7 @@ from eutree.policies import TreePolicy
 from eutree.schema import EnvironmentSpec
 from eutree.validation import check_integer, check_seed
 
-# Small enough for dozens of episodes in one page, large enough to see what happens.
+# Small enough for dozens of episodes in one page, large enough to see the motion.
 _WIDTH, _QUALITY = 480, 60
 _EFFORT = 2  # of 0..6 to make a picture small: 4, as usual, takes twice the time for a tenth less
 
@@ -33,12 +33,12 @@ PICTURE_LIMIT = 1500
 
 @dataclass(frozen=True, eq=False)
 class WatchedEpisode:
-    """An episode and what it looked like.
+    """An episode and its pictures.
 
     Attributes:
-        episode: The episode.
+        episode: The recorded steps.
         frames: An encoded picture for each observation; empty where there are none.
-        media_type: What the pictures are, for example ``"image/webp"``.
+        media_type: The format of the pictures, for example ``"image/webp"``.
         by: Whose episode it is, if not simply that of the policy watched.
     """
 
@@ -63,12 +63,12 @@ def watch(
     seed: int = 0,
     pictures: bool = True,
 ) -> list[WatchedEpisode]:
-    """Let the policy act in its environment and record what it sees.
+    """Let the policy act in its environment and record the observations and pictures.
 
     Args:
-        policy: The policy.
+        policy: The policy to watch.
         spec: The environment; by default the one that the policy was made for.
-        episodes: How many episodes.
+        episodes: How many to play.
         seed: Seed of the recording.
         pictures: Whether to record pictures, which needs Pillow (extra ``record``). Episodes
             that begin after ``PICTURE_LIMIT`` pictures have none.
@@ -108,7 +108,7 @@ def watch(
 def watch_if_possible(
     policy: TreePolicy, spec: EnvironmentSpec | None, *, episodes: int, seed: int
 ) -> tuple[list[WatchedEpisode], str]:
-    """Return episodes, with pictures where that works, and one line on what did not work."""
+    """Return episodes, with pictures where that works, and one line on the failure, if any."""
     problem = ""
     for pictures in (True, False):
         try:
@@ -126,7 +126,7 @@ def film(spec: EnvironmentSpec, episode: Episode) -> WatchedEpisode:
     """Replay a recorded episode and take a picture of each observation.
 
     Args:
-        spec: The environment.
+        spec: The environment of the episode.
         episode: The episode; its seed must be known.
 
     Raises:
