@@ -13,7 +13,7 @@ _TINY = 5e-324  # the distance of 0 from its neighbours
 
 
 class ActingNodes(NamedTuple):
-    """The nodes of a policy's tree, and what its leaves decide."""
+    """The nodes of a policy's tree, and the actions of its leaves."""
 
     nodes: TreeNodes
     actions: Integers  # [L]
@@ -23,8 +23,8 @@ class ActingNodes(NamedTuple):
 def widen(low: Floats, high: Floats) -> None:
     """Move bounds [N] outward, each past its neighbouring double, in place.
 
-    One rounding to nearest errs by half a unit in the last place: what was computed from bounds,
-    and is then moved by a whole one, holds the exact result and every double that rounds to it.
+    One rounding to nearest errs by half a unit in the last place: a bound that was computed and is
+    then moved by a whole one encloses the exact result and every double that rounds to it.
     """
     for i in range(low.size):
         low[i] = low[i] - (abs(low[i]) * _ULP + _TINY)
@@ -118,7 +118,7 @@ class Parts(NamedTuple):
 
 
 class MetCells(NamedTuple):
-    """Cells that boxes may meet, and the hull of what lies in each of those that were met."""
+    """Cells that boxes may meet, and the hull of the states in each of those that were met."""
 
     width: Floats  # [d]
     first: Integers  # [d] number of the lowest along each axis
@@ -166,7 +166,7 @@ def cut(
     out_high: Floats,  # [N * L, d]
     out_part: Integers,  # [N * L]
 ) -> int:
-    """Write what of each box may lie in each part, and return how many such boxes there are."""
+    """Write the share of each box that may lie in each part; return the number of such boxes."""
     size = 0
     for i in range(low.shape[0]):
         for part in range(parts.low.shape[0]):

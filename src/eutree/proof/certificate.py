@@ -1,4 +1,4 @@
-"""What is certified of a policy, in a sentence that a reviewer can sign, and in pictures."""
+"""Certificates of a policy: a sentence that a reviewer can sign, and pictures."""
 
 import hashlib
 from collections.abc import Mapping, Sequence
@@ -66,13 +66,13 @@ class Picture:
     """Cells of one number or of two.
 
     Attributes:
-        title: What is drawn.
+        title: Name of the quantity drawn.
         names: Names of the numbers.
         low: Where the cells begin, of each number.
         high: Where they end.
-        values: What is known of a cell: the higher, the darker.
+        values: Number drawn in each cell: the higher, the darker.
         marks: ``KNOWN``, ``OPEN``, ``FAILS``, or ``EMPTY`` where nothing is drawn.
-        legend: What the colours mean.
+        legend: Meaning of the colours.
     """
 
     title: str
@@ -92,18 +92,18 @@ class Certificate(Displayed):
     """The answer of a proof or of a sample.
 
     Attributes:
-        sentence: What holds, or what was refuted, or how far it came.
+        sentence: The property that holds or was refuted, or how far the proof came.
         kind: ``"proof"``, for every start, or ``"statistical"``, from episodes that were drawn.
         verdict: ``"proven"``, ``"refuted"`` or ``"undecided"``.
-        bounds: What lies between which two numbers: ``{"steps": (83, 104)}``.
+        bounds: Lower and upper bound of quantities: ``{"steps": (83, 104)}``.
         undecided: Share of the starts that is not decided.
         worst_start: The start that takes longest, by the names of the state; None if not known.
         counterexample: A start from which the real environment breaks the property; None if none.
         starts: Where episodes may begin to learn more: where it fails or is undecided; None where
             it does nowhere, or where no place can be named.
-        pieces: What the starts were cut into; None where they were not.
-        pictures: What is known of the starts, or of all states that are reached.
-        work: What it took: pieces, steps of boxes, cells, episodes.
+        pieces: Boxes that the starts were cut into; None where they were not.
+        pictures: The answer for each start, or for all states that are reached.
+        work: Effort spent: pieces, steps of boxes, cells, episodes.
     """
 
     sentence: str
@@ -202,7 +202,7 @@ def load_certificate(path: str | Path, policy: TreePolicy | None = None) -> Cert
     """Return the certificate in a file.
 
     Args:
-        path: What ``save_certificate`` or ``eutree prove --out`` wrote.
+        path: File that ``save_certificate`` or ``eutree prove --out`` wrote.
         policy: The policy that it must be of; None for any.
 
     Raises:
@@ -260,7 +260,7 @@ def _table(rows: Sequence[Sequence[float]], place: str, path: str | Path) -> Flo
 
 
 def _mark(policy: TreePolicy) -> str:
-    """Return what tells a policy from others."""
+    """Return the hash that tells a policy from others."""
     return hashlib.sha256(policy.to_bytes()).hexdigest()
 
 

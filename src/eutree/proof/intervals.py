@@ -6,14 +6,14 @@ by more than it can have been rounded, so the result holds the exact value *and*
 the program computes, with or without fused operations. ``sin``, ``cos`` and ``sqrt`` are moved by
 four units in the last place of 1: libraries round them as they like.
 
-A comparison of intervals is true surely, true perhaps, or false: a :class:`Truth`. What a program
-does after ``if`` becomes ``where(truth, one, other)``: where the truth is not sure, both.
+A comparison of intervals is true surely, true perhaps, or false: a :class:`Truth`. A program's
+``if`` becomes ``where(truth, one, other)``: where the truth is not sure, both.
 
 Affine arithmetic remembers how a number depends on the start. It is ``center + slope . x + error *
 y`` with the start's place x in [-1, 1]^k and some y in [-1, 1]. Where two numbers depend on the
 start in the same way, their difference is known to be small although both are wide; plain intervals
 forget that, and a box that is turned grows at every step. The part that is not linear, and all
-rounding, of the program and of what is computed here, goes into ``error``.
+rounding, of the program and of the arithmetic here, goes into ``error``.
 
 Reference: L. H. de Figueiredo, J. Stolfi, *Affine arithmetic: concepts and applications*, Numerical
 Algorithms 37 (2004); here with one error for all that is not linear in the start.
@@ -31,7 +31,7 @@ from eutree.proof import _kernels
 
 Number = Union["Intervals", NDArray[np.floating[Any]], float]
 
-LIBRARY = 2.0**-50  # what sin, cos and sqrt of values up to 1 may be off, four units there
+LIBRARY = 2.0**-50  # greatest error of sin, cos and sqrt of values up to 1, four units there
 _NEAR = 1e-9  # so near to a peak, sin and cos are 1 to the last place
 _FAR = 1e5  # beyond, no digit of a peak's place is relied on
 
@@ -144,7 +144,7 @@ class Intervals:
         return _wave(np.sin, self, np.pi / 2)
 
     def sqrt(self) -> "Intervals":
-        """Return square roots; of what is below 0, that of 0."""
+        """Return square roots; numbers below 0 count as 0."""
         low, high = (np.sqrt(np.maximum(end, 0.0)) for end in (self.low, self.high))
         return Intervals(np.maximum(low - _margin(low), 0.0), high + _margin(high))
 
@@ -216,7 +216,7 @@ def sin(value: Intervals) -> Intervals:
 
 
 def sqrt(value: Intervals) -> Intervals:
-    """Return square roots; of what is below 0, that of 0."""
+    """Return square roots; numbers below 0 count as 0."""
     return value.sqrt()
 
 
@@ -257,7 +257,7 @@ def _margin(value: Floats) -> Floats:
 
 
 def _hull(*ends: Floats) -> Intervals:
-    """Return the intervals that hold some computed numbers and what they were rounded from."""
+    """Return the intervals that hold computed numbers and the exact ones they were rounded from."""
     low, high = ends[0], ends[0]
     for end in ends[1:]:
         low, high = np.minimum(low, end), np.maximum(high, end)
@@ -277,7 +277,7 @@ _TINY = 1e-300
 
 @dataclass(frozen=True, eq=False)
 class Doubt:
-    """What a step of N boxes is not sure of: which side of a jump they are on.
+    """The jumps of a step that N boxes may straddle, and the side that is assumed.
 
     Attributes:
         unsure: How many jumps a box straddles; counted while the step is computed.
@@ -294,7 +294,7 @@ class Affine(Intervals):
     Args:
         center: Values in the middle of the piece, shape [N].
         slope: Half the change across the piece, shape [k, N].
-        error: What they may be off, shape [N].
+        error: Greatest deviation from that, shape [N].
         doubt: That of the step; one for all numbers that are computed in it.
     """
 
@@ -317,7 +317,7 @@ class Affine(Intervals):
     doubt: Doubt
 
     def _like(self, other: Number) -> "Affine":
-        """Return another number, or what is known of it, as a function of the same starts."""
+        """Return another number, or its bounds, as a function of the same starts."""
         if isinstance(other, Affine):
             return other
         other = Intervals.of(other)
@@ -364,7 +364,7 @@ class Affine(Intervals):
         return self._like(other) * self._inverse()
 
     def square(self) -> "Affine":
-        """Return the squares; the square of what is not the center is at least 0."""
+        """Return the squares; the square of the deviation from the center is at least 0."""
         half = self._radius * self._radius / 2
         error = 2 * np.abs(self.center) * self.error + half
         return _rounded(

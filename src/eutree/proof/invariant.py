@@ -1,9 +1,9 @@
-"""What holds for ever: the largest set of cells that no step leaves.
+"""Properties for ever: the largest set of cells that no step leaves.
 
 The states are cut into a grid of closed boxes. A cell is safe at first if all of its states keep
 the conditions. Then every cell is taken out from which some action that the policy may take there,
-with some disturbance, leads to a cell that is not safe, until none is left to be taken out. What
-remains is left by no step, so an episode that begins in it keeps the conditions for ever.
+with some disturbance, leads to a cell that is not safe, until none is left to be taken out. No step
+leaves the remaining cells, so an episode that begins in it keeps the conditions for ever.
 """
 
 from dataclasses import dataclass

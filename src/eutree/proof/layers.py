@@ -1,12 +1,12 @@
-"""What is reached from all starts, step by step, in boxes along axes of the plant's own.
+"""The states reached from all starts, step by step, in boxes along axes of the plant's own.
 
 A box along the numbers of a state grows at every step that turns it, however finely the starts are
 cut, and where every step doubles distances no piece of the starts is ever decided. A plant may say
-along which *axes* its steps hardly turn anything: for what is linear, those of its modes. There the
+along which *axes* its steps hardly turn anything: for a linear plant, those of its modes. There the
 image of a box is nearly a box. All that is reached after a step is known as boxes, one in each cell
-of a grid of these axes that is met: the hull of what lies there. A box is cut by the leaves of the
+of a grid of these axes that is met: the hull of the states there. A box is cut by the leaves of the
 tree, each part moves by the action of its leaf, and the images are joined in the cells that they
-meet. Nothing is rounded to cells, so what changes slowly does not creep.
+meet. Nothing is rounded to cells, so slow changes do not creep.
 """
 
 from collections.abc import Callable, Iterator
@@ -101,7 +101,7 @@ class Layers:
     def _parts(
         self, parts: kernels.Parts, low: Floats, high: Floats
     ) -> Iterator[tuple[Floats, Floats, Integers]]:
-        """Yield what of the boxes lies in each part, and in which, some boxes at a time."""
+        """Yield the shares of boxes in each part, and the part's number, some boxes at a time."""
         for begin in range(0, len(low), _AT_ONCE):
             some = slice(begin, begin + _AT_ONCE)
             room = len(low[some]) * len(parts.low)
@@ -156,7 +156,7 @@ def worst_starts(
     Args:
         acting: The policy on boxes.
         plant: The plant.
-        harm: How bad what is measured [m, N] is.
+        harm: How bad measures [m, N] are, shape [N].
         horizon: Steps of an episode.
     """
     generator, bounds = np.random.default_rng(0), np.array(plant.start).T

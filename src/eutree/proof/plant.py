@@ -1,4 +1,4 @@
-"""What a proof is about besides the policy: how boxes of states move.
+"""The plant of a proof: how boxes of states move.
 
 A plant repeats the step of an environment on intervals (:mod:`eutree.proof.intervals`). Whether
 it does so truly is for :func:`eutree.proof.check_plant` to test: real trajectories must stay in
@@ -28,7 +28,7 @@ State = Sequence[Intervals]  # one for each number of the state, each of N boxes
 
 
 class Plant:
-    """An environment on intervals; one's own overrides ``step`` and what else is different.
+    """An environment on intervals; one's own overrides ``step`` and any method that differs.
 
     Attributes:
         environment: How Gymnasium makes the environment.
@@ -36,12 +36,12 @@ class Plant:
         start: Lower and upper bound of each of them when an episode begins.
         precision: Type of the environment's observations: a tree sees them rounded to it.
         limit: Steps after which an episode is cut short; None for never.
-        reward: What each step earns, where all earn the same; None where they do not.
-        grid: Lower bound, upper bound and number of cells of each number of a state, for what is
-            to hold for ever; empty where that is not asked.
+        reward: Reward of a step, where it is always the same; None where it is not.
+        grid: Lower bound, upper bound and number of cells of each number of a state, for properties
+            for ever; empty where none is asked.
         axes: Combinations of the state, [d, d], along which a step turns next to nothing, with an
             exact inverse; empty where the starts are cut instead.
-        cells: Width of a cell along each axis: what is reached together in one is one box.
+        cells: Width of a cell along each axis: the states reached in one become one box.
         measures: Names of the numbers that the conditions of properties are about; those of the
             state by default.
         question: The property that is asked for by default.
@@ -67,7 +67,7 @@ class Plant:
 
         Args:
             state: The boxes.
-            action: What is done in each of them, shape [N].
+            action: Action in each of them, shape [N].
         """
         raise NotImplementedError
 
@@ -107,7 +107,7 @@ class Plant:
 
     @property
     def schema(self) -> Schema:
-        """What the conditions of properties are about, as features."""
+        """The measures that conditions of properties are about, as features."""
         features = tuple(map(Feature, self.measures or self.state))
         return Schema(features, ("act",))
 
@@ -116,7 +116,7 @@ class Plant:
         return make(self.environment)
 
     def check_fits(self, policy: TreePolicy) -> None:
-        """Raise InvalidArgumentError unless the policy sees what this plant shows."""
+        """Raise InvalidArgumentError unless the policy reads this plant's observations."""
         if not self.by_chance and type(self).step is Plant.step:
             raise InvalidArgumentError(
                 f"plant must have a step that moves boxes, got {type(self).__name__} without one"
@@ -170,7 +170,7 @@ class CartPole(Plant):
     Its axes are those of the upright pole. Along the first it falls, 8 % farther with every step,
     and along the second it comes to rest; the quarter stands for 1 / 3.97 s, for it is exact. The
     other two are the speed and the place of the point of the pole that a push on the cart does not
-    move: what the angle has summed up.
+    move: sums of the angle.
     """
 
     state = ("position", "velocity", "angle", "angular_velocity")

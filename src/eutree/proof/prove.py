@@ -30,7 +30,7 @@ from eutree.proof.reach import Acting, Effort, Reach
 from eutree.proof.replay import MOST_BOXES, breaking_seed, replay, starts_among
 
 _TRIES = 20  # starts of undecided pieces that are replayed
-_SUMMED = 1e-9  # of the steps: what adding up shares may be off
+_SUMMED = 1e-9  # of the steps: greatest error of adding up shares
 
 
 def prove(
@@ -85,7 +85,7 @@ def prove(
 
 
 def _of_return(found: Certificate, asked: EpisodeProperty, plant: Plant) -> Certificate:
-    """Return what a proof of how long episodes take says of the mean return over all starts."""
+    """Return the certificate of the mean return over all starts that follows from that of steps."""
     low, high = found.bounds["mean_return"]
     least = asked.least or 0.0
     verdict = PROVEN if low >= least else REFUTED if high < least else UNDECIDED
@@ -160,7 +160,7 @@ class _Proof:
     def _certificate(
         self, verdict: str, more: str = "", *, said: str | None = None, **fields: Any
     ) -> Certificate:
-        """Return a certificate whose sentence ends with what more there is to say."""
+        """Return a certificate whose sentence ends with ``more``."""
         every = f"from every start of {self._plant.environment} it {said or self._asked.text}"
         return Certificate(_said(verdict, every) + more, PROOF, verdict, **fields)
 
@@ -235,14 +235,14 @@ class _Proof:
         return region
 
     def _harm(self, seen: Floats) -> Floats:
-        """Return how far measures [m, N] are beyond the bounds of what must hold, shape [N]."""
+        """Return how far measures [m, N] are beyond the bounds of the property, shape [N]."""
         low, high = (np.asarray(end)[:, None] for end in (self._region.low, self._region.high))
         scale = np.where(np.isfinite(high - low), high - low, 1.0)
         beyond: Floats = (np.maximum(low - seen, seen - high) / scale).max(axis=0)
         return beyond if self._asked.kind == "stays" else -beyond
 
     def _broken(self, state: State) -> Truth:
-        """Return whether states break what must hold at every step."""
+        """Return whether states break the condition that must hold at every step."""
         inside = _inside(self._region, self._plant.measure(state))
         return ~inside if self._asked.kind == "stays" else inside
 

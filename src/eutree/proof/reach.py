@@ -33,7 +33,7 @@ class Effort:
 
     Attributes:
         smallest: Share of the starts' width, in each number, below which a piece is not cut.
-        box_steps: Steps of boxes in all; what is not decided then stays undecided.
+        box_steps: Steps of boxes in all; pieces not decided by then stay undecided.
         refinements: How many times finer than the plant's own a grid is, one after the other,
             until a property for ever is proven.
     """
@@ -48,7 +48,7 @@ class Acting:
 
     Args:
         policy: The policy.
-        plant: What it sees of them, and with which precision.
+        plant: The plant, which says how it observes them and with which precision.
 
     Raises:
         InvalidArgumentError: It has more than ``MOST_ACTIONS`` actions.
@@ -62,7 +62,7 @@ class Acting:
             )
         nodes = policy.tree.nodes
         if np.dtype(plant.precision) == np.float32:
-            # The tree sees single precision: rounding is monotone, so a test of what was rounded
+            # The tree sees single precision: rounding is monotone, so a test of the rounded value
             # is the test of the double itself at one other threshold.
             nodes = nodes._replace(threshold=float64_thresholds(nodes.threshold))
         self._nodes = _kernels.ActingNodes(nodes, policy.actions)
@@ -90,7 +90,7 @@ class _Boxes:
         start_high: Upper bounds of the starts.
         center: Where the middle of their starts is.
         slope: Half of how it changes across them, along each number of the start that varies.
-        error: What that may be off.
+        error: Greatest deviation from that.
         steps: How many steps they have gone.
         owner: Number of the piece of which a box is one branch of several; -1 where it is all.
         branches: How often several actions were followed.
@@ -179,7 +179,7 @@ class Reach:
     def pieces(self) -> Pieces:
         """Return the pieces of the starts, and when the event happens to each."""
         boxes = self._next(None)
-        with np.errstate(all="ignore"):  # what cannot be bounded is NaN, and then nothing is sure
+        with np.errstate(all="ignore"):  # a number without bounds is NaN, and then nothing is sure
             self._carry(boxes)
         return self._joined()
 
@@ -263,7 +263,7 @@ class Reach:
     def _stepped(self, boxes: _Boxes, action: Integers) -> tuple[_Boxes, State]:
         """Return boxes and their state one step later.
 
-        What straddles a jump of the plant is cut too, or followed on both of its sides; boxes that
+        Boxes that straddle a jump of the plant are cut too, or followed on both sides; those that
         straddle two jumps in one step are left as wide as both make them.
         """
         self.box_steps += len(boxes)
@@ -330,7 +330,7 @@ class Reach:
             self._found.append((boxes, first, last))
 
     def _joined(self) -> Pieces:
-        """Return what was found, the branches of each piece together."""
+        """Return the decided pieces, the branches of each piece together."""
         boxes = _Boxes.joined([part for part, _, _ in self._found])
         first, last = (np.concatenate([part[k] for part in self._found]) for k in (1, 2))
         earliest = np.full(self._owners, NEVER)

@@ -46,7 +46,7 @@ def replay(
     """Return the real episode from a start, of at most so many steps.
 
     Args:
-        plant: What makes the environment and puts it there.
+        plant: The plant, which makes the environment and puts it there.
         policy: The policy.
         start: A state, shape [d].
         steps: Most steps.
@@ -235,7 +235,7 @@ class BeginningThere(gymnasium.Wrapper[Any, Any, Any, Any]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
-        """Begin an episode; return its first observation and what the environment says of it."""
+        """Begin an episode; return its first observation and the environment's info."""
         observation, info = self.env.reset(seed=seed, options=options)
         if seed is not None:
             self._generator = np.random.default_rng(seed)

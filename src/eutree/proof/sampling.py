@@ -1,7 +1,7 @@
 """Certificates from episodes that were drawn, where no plant is known: plainly statistical.
 
-They are wrong with a probability that is stated, and say nothing about any one start. What they
-rest on: episodes are independent draws of one kind, as an environment's seeds make them.
+They are wrong with a probability that is stated, and say nothing about any one start. They assume
+that episodes are independent draws of one kind, as an environment's seeds make them.
 
 References: C. J. Clopper, E. S. Pearson, *The use of confidence or fiducial limits*, Biometrika 26
 (1934); S. S. Wilks, *Determination of sample sizes for setting tolerance limits*, Annals of
@@ -22,13 +22,13 @@ from eutree.proof.certificate import PROVEN, REFUTED, STATISTICAL, UNDECIDED, Ce
 from eutree.proof.properties import EpisodeProperty, parse
 from eutree.validation import check_integer
 
-_SLACK = 1e-9  # of a probability: what the sums of its tails may be off
+_SLACK = 1e-9  # of a probability: greatest error of the sums of its tails
 _BISECTIONS = 60
 
 
 @dataclass(frozen=True, kw_only=True)
 class Sampling:
-    """What a statistical certificate takes for granted, and how sure it is to be.
+    """The confidence of a statistical certificate, and the range of returns it takes for granted.
 
     Attributes:
         confidence: Probability with which both bounds hold together.
@@ -64,10 +64,10 @@ def certify_sample(
     - ``returns at least R with probability at least P``: the same, of episodes that do.
     - ``returns at least R``: betting bounds of the mean return, which need its range.
     - none: bounds of the success where the environment reports it, of the mean return where its
-      range is known, and how often at least an episode returns what the worst one here did.
+      range is known, and the least share of episodes that return as much as the worst one here.
 
     Args:
-        evaluation: Episodes of the policy, drawn without regard to what they came to.
+        evaluation: Episodes of the policy, drawn without regard to their results.
         question: The property.
         environment: The environment, for the sentence.
         sampling: Confidence, and the range of returns.
@@ -167,7 +167,8 @@ def _range(sampling: Sampling) -> tuple[float, float]:
 def _plain(evaluation: Evaluation, sampling: Sampling) -> tuple[dict[str, Interval], str]:
     """Return all bounds that the episodes allow, with nothing to be proven, and in words."""
     worst = float(evaluation.returns.min())
-    # Wilks: what so many draws all reach, a further one reaches with this probability at least.
+    # Wilks: a return that all of n draws reach is reached by one more with this probability at
+    # least.
     reaching = (1.0 - sampling.confidence) ** (1.0 / evaluation.episodes) - _SLACK
     bounds = {"share_at_least_worst_seen": Interval(reaching, 1.0)}
     parts = [f"an episode returns at least {worst:g} with probability at least {reaching:.4g}"]

@@ -1,7 +1,7 @@
 """A world model and recorded episodes as kernels see them, and looks at one state of theirs.
 
-All chance comes from a table of uniform draws: step t of episode e reads the same entries whatever
-the policy is, so two policies meet common random numbers.
+All chance comes from a table of uniform draws: step t of episode e reads the same entries under
+every policy, so two policies meet common random numbers.
 """
 
 import math
@@ -40,7 +40,7 @@ class World(NamedTuple):
     roots: Uint32s  # [A, d + 5]
     levels: Integers  # [d + 5] tests on the longest way down from each tree's roots
     tests: NodeTests
-    rows: Uint32s  # [M] of each leaf in what follows
+    rows: Uint32s  # [M] of each leaf in the arrays below
     lines: Floats  # [L, 2 d + 4] coefficients, constant, the action's constant, lowest, highest
     noise: Integers  # [L, 3] first residual, number of residuals, coefficients up to the last not 0
     residuals: Floats  # [K]
@@ -48,7 +48,7 @@ class World(NamedTuple):
 
 
 class Conditions(NamedTuple):
-    """What all policies meet alike: a world, its chance, and how their episodes are counted."""
+    """The conditions of all policies: a world, its chance, and how their episodes are counted."""
 
     world: World
     draws: Floats  # [size], a power of two
@@ -108,7 +108,7 @@ def keep(
     out: Episodes,
     k: int,
 ) -> int:
-    """Copy the steps of episode e that come before ``until`` to k and on; return what is next."""
+    """Copy the steps of episode e that before ``until`` to k and on; return the next free row."""
     for i in range(before.first[e], until):
         for j in range(before.states.shape[1]):
             out.states[k, j] = before.states[i, j]
@@ -133,9 +133,9 @@ def model_leaf(world: World, root: int, states: Floats, k: int) -> int:
 
 @inlined
 def fitted(lines: Floats, noise: Integers, row: int, states: Floats, k: int) -> float:
-    """Return the leaf's fit at state k, within the range of what the leaf has seen."""
+    """Return the leaf's fit at state k, clipped to the leaf's range of targets."""
     p = states.shape[1]
-    # The sum begins with the constant and ends with what the action adds: unrolled trees give the
+    # The sum begins with the constant and ends with the action's constant: unrolled trees give the
     # bits that the fitted ones gave.
     value = lines[row, p]
     for j in range(noise[row, 2]):  # most leaves are constants

@@ -29,7 +29,7 @@ class Boxes(NamedTuple):
 
 
 class Held(NamedTuple):
-    """Actions that are held, and what comes of each; written in place but for the actions."""
+    """Actions that are held, and the outcome of each; written in place but for the actions."""
 
     actions: Integers  # [N]
     places: Floats  # [N, d] where it starts; then where it ended
@@ -43,7 +43,7 @@ def expected_step(world: World, action: int, states: Floats, move: Floats) -> tu
     """Move the first state as expected; return the expected reward and the chance to go on.
 
     A chance of an end is not drawn: rewards of the three kinds of steps are weighed by theirs. As
-    in a step that is drawn, a good end is what a bad one leaves over.
+    in a step that is drawn, a good end has at most the chance that a bad one leaves over.
     """
     world.tally[0] += 1
     roots, lines, noise = world.roots, world.lines, world.noise
@@ -129,7 +129,7 @@ def newton_step(
         eta = 0.0
         for k in range(q):
             eta += weights[k] * Z[i, k]
-        # Log-odds against what happened: the row adds log(1 + exp(against)) to the loss.
+        # Log-odds against the row's outcome: the row adds log(1 + exp(against)) to the loss.
         against = -eta if y[i] else eta
         if against < -CERTAIN:
             continue

@@ -22,15 +22,15 @@ from eutree.neural import Network, adam_step, add_rows, backward, forward, room
 from eutree.world_model._kernels import EPISODE_STRIDE, ActionTree, Episodes, keep, leaf_node
 
 GOES_ON, BAD, GOOD = 0, 1, 2  # kinds of step
-# What an end counts where it led to: enough to be learned where no step was ever taken, and little
-# beside the steps that went on from there, if there are any.
+# Weight of an end at the observation it led to: enough to be learned where no step was ever taken,
+# and little beside the steps that went on from there, if there are any.
 AGAIN = 0.1
 FAR = 3.0  # scaled errors count linearly from here on (Huber)
 LEAST_LOG_VARIANCE, MOST_LOG_VARIANCE = -8.0, 3.0
 
 
 class Steps(NamedTuple):
-    """What a member is fitted to: a row for each transition, then one for each end's o'."""
+    """The rows that a member is fitted to: one for each transition, then one for each end's o'."""
 
     inputs: Float32s  # [N + E, p]
     targets: Float32s  # [N, d] scaled displacement, or 0 and 1 where the feature is binary
@@ -49,7 +49,7 @@ class Fitting(NamedTuple):
 
 
 class EnsembleWorld(NamedTuple):
-    """The members' weights, and what scales their inputs and outputs."""
+    """The members' weights, and the scales of their inputs and outputs."""
 
     w1: Float32s  # [M, p, h]
     b1: Float32s  # [M, h]
@@ -76,7 +76,7 @@ class Draws(NamedTuple):
 
 
 class EnsembleConditions(NamedTuple):
-    """What all policies meet alike: the members, their chance, and the most steps of an episode."""
+    """The conditions of all policies: the members, their chance, the most steps of an episode."""
 
     world: EnsembleWorld
     draws: Draws
@@ -125,7 +125,7 @@ def write_error(
             square = min(difference * difference, FAR * FAR)
             if LEAST_LOG_VARIANCE < spread < MOST_LOG_VARIANCE:
                 error[i, d + j] = 0.5 * (1.0 - square * math.exp(-spread)) / n
-            else:  # back towards what can be drawn
+            else:  # back into the range of the draws
                 error[i, d + j] = 0.1 * spread / n
         kind = steps.kind[row]
         # The heads of the other kinds keep an error of 0: a step says nothing about them.
@@ -135,7 +135,7 @@ def write_error(
         if row >= len(steps.targets):
             counts *= AGAIN
         for end in (BAD, GOOD):
-            # Derivative of the cross-entropy by the log-odds: probability minus what happened.
+            # Derivative of the cross-entropy by the log-odds: probability minus outcome (0 or 1).
             probability = logistic(out[i, 2 * d + 2 + end])
             error[i, 2 * d + 2 + end] = counts * (probability - (kind == end)) / n
 
@@ -209,7 +209,7 @@ def scratch_of(world: EnsembleWorld) -> Scratch:
 
 @compiled
 def look(world: EnsembleWorld, member: int, action: int, state: Floats, at: Scratch) -> None:
-    """Write what a member puts out for a state [2 d] (observation, displacement) and an action."""
+    """Write a member's output for a state [2 d] (observation, displacement) and an action."""
     n_seen = world.centre.size
     for k in range(n_seen):
         at.x[k] = (state[k] - world.centre[k]) / world.spread[k]
@@ -240,8 +240,8 @@ def step(
 ) -> tuple[float, bool]:
     """Move one step; return the reward and whether it was the last.
 
-    The same entries of the tables decide whatever the policy is: from ``at`` on one for each
-    feature, then one for the end. States and displacements stay in the range that was seen.
+    The same entries of the tables decide under every policy: from ``at`` on one for each feature,
+    then one for the end. States and displacements stay in the range that was seen.
     """
     world.tally[0] += 1
     look(world, member, action, state, scratch)
@@ -259,7 +259,7 @@ def step(
             move = world.move[i] * (out[i] + noise)
             move = min(max(move, world.moves[i, 0]), world.moves[i, 1])
             state[i] = min(max(before + move, world.low[i]), world.high[i])
-        # The displacement after clipping: what is seen next, not what was drawn.
+        # The displacement after clipping: the one that the next state shows, not the one drawn.
         state[d + i] = state[i] - before
     # One draw for both ends, from either side, as in the model of trees.
     draw = draws.uniform[(at + d) & mask]
@@ -332,7 +332,7 @@ def rival_returns(
     last: int,
     out: Floats,  # [E]
 ) -> None:
-    """Write what a rival earns with the same chance in the episodes ``first`` to ``last`` - 1."""
+    """Write a rival's returns, with the same chance, in the episodes ``first`` to ``last`` - 1."""
     world, draws, horizon = conditions
     d = world.move.size
     n_members = world.w1.shape[0]
@@ -343,7 +343,7 @@ def rival_returns(
             continue
         state[:] = episodes.states[departs[e]]
         total = episodes.earned[departs[e]]
-        # Up to the step at which it departs, the rival has earned what the policy had.
+        # Up to the step at which it departs, the rival has earned as much as the policy.
         for t in range(departs[e] - episodes.first[e], horizon):
             action = rival.action[leaf_node(rival, 0, state)]
             at = e * EPISODE_STRIDE + t * (d + 1)
@@ -362,7 +362,7 @@ def deviations(
     steps: Integers,  # [n]
     out: Floats,  # [n, A]
 ) -> None:
-    """Write what one other action at a step, and the policy after it, earn more than the policy."""
+    """Write the gain of one other action at a step, followed by the policy, over the policy."""
     world, draws, horizon = conditions
     d = world.move.size
     n_members = world.w1.shape[0]

@@ -1,4 +1,4 @@
-"""Compiled loops of rollouts side by side: what rivals and single deviations earn to the end.
+"""Compiled loops of rollouts side by side: returns of rivals and of single deviations.
 
 Apart from ``_kernels.py``, which looks at one state. A way down a tree is a chain of loads of which
 each waits for the one before, with tests that no processor can foresee. Here many episodes are
@@ -26,7 +26,7 @@ from eutree.world_model._kernels import (
     model_leaf,
 )
 
-LANES = 64  # what is done once for all lanes costs each little
+LANES = 64  # work done once for all lanes costs each little
 # Episodes compared before a hopeless rival may be given up.
 FIRST_LOOK = 8
 
@@ -41,10 +41,10 @@ class Lanes(NamedTuple):
     at: Integers  # [L] first entry of the table of draws that the step reads
     kinds: Integers  # [L] 0 goes on, 1 ends badly, 2 ends well
     forced: Integers  # [L] action to take instead of the policy's, -1 for none
-    tasks: Integers  # [L] what is asked for
+    tasks: Integers  # [L] index into ``begins`` and ``totals`` of ``go_on``
     owners: Integers  # [L] episode
     steps: Integers  # [L] steps since the episode's start
-    totals: Floats  # [L] what was earned in the lane
+    totals: Floats  # [L] earned in the lane
     weights: Floats  # [L] discount^steps
 
 
@@ -125,7 +125,7 @@ def descend(world: World, first: int, end: int, lanes: Lanes, n: int) -> None:
 
 @inlined
 def decide(policy: PolicyTable, lanes: Lanes, n: int) -> None:
-    """Write the policy's leaf node in each lane and its action, or what is forced there once."""
+    """Write the policy's leaf node in each lane and its action, or the action forced there once."""
     nodes, actions, forced = lanes.nodes, lanes.actions, lanes.forced
     for k in range(n):
         nodes[0, k] = 0
@@ -191,7 +191,7 @@ def end(world: World, draws: Floats, lanes: Lanes, n: int) -> None:
 
 @inlined
 def earn(world: World, lanes: Lanes, n: int) -> None:
-    """Add the reward of the step to what the first n lanes have earned."""
+    """Add the rewards of the step to the totals of the first n lanes."""
     rows, lines, noise = world.rows, world.lines, world.noise
     states, nodes, kinds = lanes.states, lanes.nodes, lanes.kinds
     d = states.shape[1] // 2
@@ -208,7 +208,7 @@ def earn(world: World, lanes: Lanes, n: int) -> None:
 
 @inlined
 def retire(conditions: Conditions, lanes: Lanes, n: int, totals: Floats) -> int:
-    """Write what ended lanes have earned, close up; return how many are still under way."""
+    """Write the totals of ended lanes, close up; return how many are still under way."""
     d = lanes.moves.shape[1]
     for k in range(n):
         lanes.weights[k] *= conditions.discount
@@ -237,7 +237,7 @@ def go_on(
     begins: Integers,  # [m] recorded steps
     actions: Integers,  # [m] first action of each, -1 for the policy's own
     trace: Episodes,  # gets each step if it has room for all, those of an episode in their order
-    totals: Floats,  # [m] what was earned before; what was earned to the end is added
+    totals: Floats,  # [m] earned before; rewards to the end are added
 ) -> int:
     """Run the policy from each recorded step to the end; return the steps written."""
     world, draws, _, discount = conditions
@@ -337,7 +337,7 @@ def difference(
 
     Returns the number of those compared, the sums of the differences of return and of their
     squares, and whether all were compared. The rest is left out when the mean over all episodes is
-    clearly below ``hopeless``: by two standard errors of what is still to come (of a finite
+    clearly below ``hopeless``: by two standard errors of the mean of the rest (of a finite
     population), and by half the spread of returns over the number compared. That second term, as in
     an empirical Bernstein bound, reckons with a rare large difference, and keeps many looks honest.
     """
@@ -360,7 +360,7 @@ def difference(
         go_on(conditions, episodes, policy, lanes, begins[now], own[now], nowhere, rest[now])
         for i in range(n, until):
             k = begins[i]
-            # Up to the step at which it departs, the rival has earned what the policy had.
+            # Up to the step at which it departs, the rival has earned as much as the policy.
             gain = episodes.earned[k] + rest[i] - episodes.returns[episodes.owner[k]]
             total += gain
             squares += gain * gain
@@ -386,7 +386,7 @@ def deviations(
     steps: Integers,  # [n]
     out: Floats,  # [n, A]
 ) -> None:
-    """Write what one other action at a step, and the policy after it, earn more than the policy."""
+    """Write the gain of one other action at a step, followed by the policy, over the policy."""
     n_actions = out.shape[1]
     n_others = steps.size * (n_actions - 1)
     begins, actions = np.empty(n_others, dtype=np.int64), np.empty(n_others, dtype=np.int64)

@@ -51,7 +51,7 @@ class Unrolled(NamedTuple):
 
     tests: NodeTests  # room for as many nodes
     rows: Uint32s  # [room] line of each leaf
-    lines: Floats  # [room, p + 4] coefficients, constant, what the action adds, low and high
+    lines: Floats  # [room, p + 4] coefficients, constant, the action's constant, low and high
     noise: Integers  # [room, 3] first residual, their number, coefficients up to the last not 0
 
 
@@ -94,8 +94,8 @@ def bin_columns(
 @compiled
 def solve_positive(A: Floats, b: Floats, p: int) -> None:
     """Solve A x = b in place for a symmetric positive definite A (lower triangle, Cholesky)."""
-    # A = L L^T, row by row, over A; rows before i are done. TINY keeps the root of what rounding
-    # made negative.
+    # A = L L^T, row by row, over A; rows before i are done. TINY keeps the root defined where
+    # rounding made a diagonal entry negative.
     for i in range(p):
         for j in range(i + 1):
             total = A[i, j]
@@ -363,7 +363,7 @@ def write_residuals(
     covered: Booleans,  # [n] scratch
     out: Floats,  # [n]
 ) -> None:
-    """Write what the fit of each row's leaf leaves over; parents come before their children."""
+    """Write each row's residual from the fit of its leaf; parents come before their children."""
     p = X.shape[1]
     coefficients, first = nodes.coefficients, nodes.first
     covered[:] = False

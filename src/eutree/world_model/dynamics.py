@@ -1,12 +1,12 @@
-"""A world model from stored transitions: where a step leads, what it earns, whether it ends.
+"""A world model from stored transitions: where a step leads, its reward, whether it ends.
 
 Where: for each feature a model tree (axis-parallel tests, linear leaves; Quinlan's M5) of the
-displacement o' - o, given o, the displacement before it and the action. A displacement carries
-what one observation hides, such as a direction of movement. A leaf's residuals are its noise.
-Whether: for bad and for good ends a logistic model tree over o' (``termination``). What: trees
+displacement o' - o, given o, the displacement before it and the action. A displacement tells of a
+state that one observation hides, such as a direction of movement. A leaf's residuals are its noise.
+Whether: for bad and for good ends a logistic model tree over o' (``termination``). Rewards: trees
 over o', o' - o and the action, one each for the reward of steps that go on, end badly, end well.
 
-What lies between the safe and the fatal transitions seen so far is unknown. ``gap`` is the share
+The region between the safe and the fatal transitions seen so far is unknown. ``gap`` is the share
 of that gap that counts as fatal: 0.5 is the usual middle, more is pessimistic, less optimistic.
 """
 
@@ -61,7 +61,7 @@ class TerminationTree:
     rows: tuple[Integers, ...]  # of the data, for each node
 
     def seen(self, X: Floats, outcome: Floats, gap: float, sign: float) -> "TerminationTree":
-        """Return how the tree looks if ``gap`` of what is unknown counts as the worse.
+        """Return the tree in which the share ``gap`` of the unknown counts as the worse.
 
         Thresholds move inside their gaps, and the log-odds by those of ``gap``: a place counts as
         an end where the fitted chance exceeds 1 - gap (``sign`` -1, for good ends: where it
@@ -69,7 +69,7 @@ class TerminationTree:
 
         Args:
             X: o' of the rows, shape [N, d].
-            outcome: What kind of end each row is, shape [N].
+            outcome: Kind of end of each row, shape [N].
             gap: Share of the unknown that counts as the worse.
             sign: 1 if these ends are bad, -1 if they are good.
         """
@@ -240,7 +240,7 @@ class ModelTree(NamedTuple):
     residuals: Floats  # [K]
 
     def predict(self, X: Floats) -> Floats:
-        """Return the fit at each row of X [N, p], within the range of what its leaf has seen."""
+        """Return the fit at each row of X [N, p], clipped to its leaf's range of targets."""
         node = np.zeros(X.shape[0], dtype=np.int64)
         while (inner := self.feature[node] >= 0).any():
             rows = np.flatnonzero(inner)
@@ -274,11 +274,11 @@ class WorldModel:
 
     @property
     def n_steps_taken(self) -> int:
-        """Steps taken so far in it and in what ``without_noise`` made of it."""
+        """Steps taken so far in it and in its copies ``without_noise``."""
         return int(self.world.tally[0])
 
     def without_noise(self) -> "WorldModel":
-        """Return the model in which every step does what is expected of it."""
+        """Return the model without residuals: displacements and rewards are the expected ones."""
         return replace(self, world=self.world._replace(residuals=0.0 * self.world.residuals))
 
 
@@ -301,7 +301,7 @@ def fit_world_models(
     """Fit one world model for each ``gap``; they share all but how they look at ends.
 
     Args:
-        data: What to fit.
+        data: Transitions to fit.
         pessimism_levels: Share of the gap between safe and fatal transitions that counts as fatal.
         max_leaves: Most leaves of a tree of displacements.
     """
@@ -337,7 +337,7 @@ def fit_model_tree(X: Floats, y: Floats, *, max_leaves: int, min_leaf: int) -> M
 
     Args:
         X: Inputs, shape [N, p].
-        y: What to predict, shape [N].
+        y: Targets, shape [N].
         max_leaves: Most leaves.
         min_leaf: Fewest rows of a leaf.
     """
@@ -455,7 +455,7 @@ def hold(
         tree: The leaves.
         box: Lower and upper corner of the whole, to which trajectories are clipped, each [d].
         places: Where to start, shape [N, d].
-        actions: What to hold, shape [N].
+        actions: Action to hold from each place, shape [N].
         discount: Weight of the next step.
         longest: Steps that an action is held at most.
 

@@ -29,7 +29,7 @@ _SCALES = ("centre", "spread", "move", "moves", "binary", "low", "high", "earned
 CHUNK = 256  # updates between two chances to interrupt
 SLOWEST = 0.1  # share of the rate that is left at the end
 EXTRA_ENDS = 32  # rows of a batch that are last steps
-TAIL = 0.02  # percent of rewards and displacements beyond what is predicted, on either side
+TAIL = 0.02  # percent of rewards and displacements cut off from predictions, on either side
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,7 +67,7 @@ class EnsembleSettings:
 
 @dataclass(frozen=True, eq=False)
 class Scales:
-    """What the networks' inputs and outputs are measured in.
+    """The units of the networks' inputs and outputs.
 
     Attributes:
         centre: Mean of each input that is no action.
@@ -109,7 +109,7 @@ class Scales:
         )
 
     def steps(self, data: Transitions) -> Steps:
-        """Return what members are fitted to, for the first members' or later transitions.
+        """Return the rows to fit members to, from the first members' or later transitions.
 
         After the N transitions come the observations in which the task ended: there it ends again.
         A rollout that overlooks an end would else go on where no step was ever seen.

@@ -12,7 +12,7 @@ from eutree.world_model.ensemble import Ensemble
 from eutree.world_model.rollouts import DRAWS, Gain, Rollouts
 
 FIRST_LOOK = 5  # a comparison is looked at when a fifth of the episodes has been run
-CLEARLY = 2.0  # standard errors below what would be needed
+CLEARLY = 2.0  # standard errors below the gain that would be needed
 
 
 PESSIMISM = 0.5  # standard deviations of the members that are taken off a score
@@ -64,7 +64,7 @@ class EnsembleRollouts(Rollouts):
         return float(of_members.mean() - PESSIMISM * of_members.std())
 
     def gain(self, rival: ActionTree, *, hopeless: float = -np.inf) -> Gain:
-        """Return the score of what the rival earns more; stop early below ``hopeless``.
+        """Return the score of the rival's gain over the policy; stop early below ``hopeless``.
 
         It stops when a fifth of the episodes says clearly that their mean will be below.
         """

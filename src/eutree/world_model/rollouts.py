@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from eutree.world_model.ensemble import Ensemble
 
 # All chance comes from tables of draws, indexed by episode and step. So two policies differ in
-# their returns only by what they do, and only episodes in which they act differently are run
+# their returns only by their actions, and only episodes in which they act differently are run
 # again.
 
 
@@ -99,7 +99,7 @@ class Rollouts(ABC):
         self._drawn = True
 
     def run(self, policy: ActionTree) -> None:
-        """Run the policy's episodes; what it does like the policy before is not run again."""
+        """Run the policy's episodes; steps shared with the policy before are not run again."""
         if not self._drawn:
             self._compare(policy)
         self._record(policy)
@@ -112,7 +112,7 @@ class Rollouts(ABC):
     def gain(self, rival: ActionTree, *, hopeless: float = -np.inf) -> Gain:
         """Return the rival's gain over the policy; stop early below ``hopeless``.
 
-        A comparison that stopped early returns what it expects of a complete one.
+        A comparison that stopped early returns its estimate of the complete one.
         """
 
     @abstractmethod
@@ -185,7 +185,7 @@ class PairedRollouts(Rollouts):
     def gain(self, rival: ActionTree, *, hopeless: float = -np.inf) -> Gain:
         """Return the rival's gain over the policy; stop early below ``hopeless``.
 
-        A comparison that stopped early returns what it expects of a complete one.
+        A comparison that stopped early returns its estimate of the complete one.
         """
         self._compare(rival)
         here = self._conditions, self._episodes, self._departs

@@ -79,7 +79,7 @@ class Transitions:
 
     @cached_property
     def failure_level(self) -> float:
-        """What a transition that goes on still earns on average; a last reward below it is bad."""
+        """The mean return to go of transitions that go on; a last reward below it is bad."""
         goes_on = ~self.terminated
         return float(self.returns_to_go[goes_on].mean()) if goes_on.any() else 0.0
 
@@ -96,7 +96,7 @@ class Transitions:
 
     @property
     def typical_return(self) -> float:
-        """The mean size of a return, above 0: what prices are shares of."""
+        """The mean size of a return, above 0: the unit of prices."""
         return max(float(np.abs(self.episode_returns).mean()), 1e-9)
 
     @property
