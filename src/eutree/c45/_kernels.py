@@ -42,7 +42,7 @@ class Cases(NamedTuple):
 
 
 class Attributes(NamedTuple):
-    """What is tested."""
+    """The attributes that tests may use."""
 
     codes: Floats  # [N, d] numbers, and codes of nominal values
     n_values: Int32s  # [d] values of a nominal attribute, 0 for a continuous one
@@ -51,7 +51,7 @@ class Attributes(NamedTuple):
 
 
 class Rules(NamedTuple):
-    """What makes a test good enough; numbers, so that all settings are compiled once."""
+    """The least that a test must reach; numbers, so that all settings are compiled once."""
 
     min_objects: float
     gap: float  # between two values that a cut can separate

@@ -60,8 +60,8 @@ def share_out(
 ) -> None:
     """Predict fractional cases: a row goes down all branches of a test whose value is unknown."""
     feature, threshold, first_child = tree.feature, tree.threshold, tree.first_child
-    # The stack holds what is left to visit: its parts and those of the leaves seen add up to 1.
-    # A row meets a node once at most, so M places are enough.
+    # The stack holds the nodes left to visit: its parts and those of the leaves seen add up to 1. A
+    # row meets a node once at most, so M places are enough.
     stack = np.empty(feature.size, np.int32)
     parts = np.empty(feature.size)
     for k in range(rows.size):
@@ -138,7 +138,7 @@ class Place(NamedTuple):
 
 
 class WalkRoom(NamedTuple):
-    """What the walk through a branch works on."""
+    """Scratch arrays of the walk through a branch."""
 
     bounds: Int32s  # [forks + 1]
     stack: Integers  # [M + 1, 3]
@@ -400,7 +400,7 @@ def errors_of_branch(
             errors += estimated_errors(counts, estimate)
             continue
         forks = tree.n_children[node]
-        here = max(place.top, last)  # what lies above belongs to branches already counted
+        here = max(place.top, last)  # the rows above belong to branches already counted
         arena = with_room(arena, here + forks * (last - first), last - first)
         begin, _ = hand_down(
             node, Place(first, last, here), arena, tree, training.observations, bounds

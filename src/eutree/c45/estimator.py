@@ -100,7 +100,7 @@ def values_of(frame: Any, table: NDArray[Any], column: int) -> NDArray[Any]:
         return np.asarray(declared.categories, dtype=object)
     known = [value for value in table[:, column] if not is_missing(value)]
     found = sorted(set(known), key=lambda value: (str(type(value)), value))
-    return np.array([*found, None], dtype=object)[:-1]  # one-dimensional whatever they are
+    return np.array([*found, None], dtype=object)[:-1]  # one-dimensional, also of sequences
 
 
 def is_missing(value: object) -> bool:
@@ -111,7 +111,7 @@ def is_missing(value: object) -> bool:
 def encode(
     table: NDArray[Any], categories: Sequence[NDArray[Any] | None], handle_unknown: str
 ) -> Floats:
-    """Return the table as numbers: codes in nominal columns, NaN for what is unknown.
+    """Return the table as numbers: codes in nominal columns, NaN for unknown values.
 
     Raises:
         InvalidArgumentError: If a continuous column does not hold finite numbers (or NaN), or a
@@ -173,8 +173,8 @@ class C45Classifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # sk
         subtree_raising: Whether pruning may replace a node by its largest branch.
         nominal_features: Which columns hold names, not numbers: indices, column names or a mask;
             ``"auto"`` takes the columns of dtype ``category`` of a data frame; None takes none.
-        handle_unknown: What to do with a nominal value that training did not have: ``"error"``,
-            or ``"missing"`` to treat it as unknown.
+        handle_unknown: ``"error"`` refuses a nominal value that training did not have,
+            ``"missing"`` treats it as unknown.
         gap: A cut needs neighbours further apart than this. 0 tells any two numbers apart;
             release 8 and J48 have 1e-5.
         class_weight: As in scikit-learn: None, ``"balanced"`` or a dict from class to weight.
@@ -317,7 +317,7 @@ class C45Classifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # sk
         return text.to_text(self._tree(), names)
 
     def _html_repr(self) -> str:
-        """Return what notebooks show: scikit-learn's diagram, and below it the fitted tree."""
+        """Return scikit-learn's diagram for notebooks, and below it the fitted tree."""
         diagram = str(super()._html_repr())
         if not hasattr(self, "tree_"):
             return diagram
@@ -340,7 +340,7 @@ class C45Classifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # sk
     def _validated(
         self, X: ArrayLike, y: ArrayLike | None = None, *, fitting: bool
     ) -> tuple[Floats, Any]:
-        """Return X as numbers and codes of nominal values, and y; set what ``fit`` learns."""
+        """Return X as numbers and codes of nominal values, and y; ``fit`` sets the attributes."""
         if fitting:
             nominal = nominal_mask(X, self.nominal_features)
         else:

@@ -103,7 +103,7 @@ EPSILON = 1e-3  # release 8's tolerance: average filter, split information, coll
 
 @dataclass
 class Training:
-    """What is known of the training set before the first test.
+    """The training set before the first test.
 
     Attributes:
         observations: Numbers, codes of nominal values, NaN where unknown.

@@ -11,7 +11,7 @@ from eutree.trees.text import printable
 
 @dataclass(frozen=True)
 class C45Names:
-    """What the numbers of a tree are called.
+    """Names of the numbers of a tree.
 
     Attributes:
         features: Names of the attributes.

@@ -101,9 +101,9 @@ class C45Tree:
 
     @cached_property
     def importances(self) -> Floats:
-        """Share of each attribute in what the tests tell of the class, shape [d]; zeros if nothing.
+        """Share of each attribute in the information gained by the tests, [d]; zeros if none.
 
-        A test tells the entropy of its node less that of its children, each times its cases.
+        A test gains the entropy of its node less that of its children, each times its cases.
         """
         weight = self.distribution.sum(axis=1, keepdims=True)
         share = np.divide(self.distribution, weight, where=weight > 0, out=self.distribution * 0)
@@ -195,7 +195,7 @@ class C45Tree:
         """Return the same tree as a ``DecisionTree``, and the class of each of its leaves.
 
         Leaves are numbered from left to right. A test of a nominal attribute becomes tests of its
-        code, which halve what is left of it. Where a value is unknown the two trees may differ.
+        code, which halve its remaining values. Where a value is unknown the two trees may differ.
         """
         built = TreeBuilder(self.n_features)
         work = [(_branches(self, 0), -1, 0)]  # branches, the test above, and its side

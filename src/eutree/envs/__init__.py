@@ -12,7 +12,7 @@ import gymnasium
 
 
 GROUP = "eutree.environments"
-# The constants in which most of what the paper says is true: docs/results/search.md. A name of its
+# The constants under which most claims of the paper hold: docs/results/search.md. A name of its
 # own, as Gymnasium would call Evasion2-v0 out of date if there were an Evasion2-v1.
 PAPER_CONSTANTS: dict[str, Any] = {
     "time_step": 1.0,
@@ -46,7 +46,7 @@ def register() -> None:
     for point in entry_points(group=GROUP):
         try:
             point.load()()
-        except Exception as error:  # whatever a package's author lets happen
+        except Exception as error:  # a package of another author may raise anything
             warnings.warn(
                 f"environments {point.name!r}, {point.value}, cannot be registered: {error}",
                 stacklevel=2,

@@ -27,7 +27,7 @@ STOP, GO = 0, 1
 RUNNING, GOAL, COLLISION, TIME_LIMIT = 0, 1, 2, 3
 ENDINGS = ("", "goal", "collision", "time limit")
 
-# Where opponents are when an episode begins, and what they do at an end of their path.
+# Where opponents are when an episode begins, and how they turn at an end of their path.
 STARTS = ANYWHERE, EITHER_END, SAME_END = "anywhere", "either end", "same end"
 BOUNCES = REFLECT, TURN = "reflect", "turn"
 
@@ -152,7 +152,7 @@ class EvasionParameters:
                 f"trial_limit / time_step must be at most {MAX_NOISE // (self.n_opponents + 1)} "
                 f"steps with {self.n_opponents} opponents, got {steps:g}"
             )
-        nearest = round(steps)  # 60 / 0.1 must be 600, whatever the last bit says
+        nearest = round(steps)  # 60 / 0.1 must be 600, also where the last bit is off
         is_whole = nearest >= 1 and math.isclose(steps, nearest, rel_tol=1e-9)
         return nearest if is_whole else math.ceil(steps)
 
@@ -272,7 +272,7 @@ def reward(parameters: EvasionParameters, action: int, ended: int) -> float:
 
 
 def observe(parameters: EvasionParameters, state: EvasionState) -> Floats:
-    """Return what the sensors show, shape [..., d]: positions, and directions if asked for."""
+    """Return the observations, shape [..., d]: positions, and directions if asked for."""
     columns = [state.position[..., None], state.opponents]
     if parameters.observe_direction:
         columns.append(state.directions)

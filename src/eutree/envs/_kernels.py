@@ -25,7 +25,7 @@ CONSTANTS = (
 
 
 class Copies(NamedTuple):
-    """What stays the same of all copies, the chance of their episodes, and where they stand."""
+    """The constants of all copies, the chance of their episodes, and their states."""
 
     constants: Floats  # [11], in the order of ``CONSTANTS``
     crossing: Floats  # [N]
@@ -151,7 +151,7 @@ def begin_all(copies: Copies, observations: Floats) -> None:  # observations: [E
 @compiled
 def advance_all(
     actions: Integers,  # [E]
-    waiting: Booleans,  # [E] ended at the step before: begin anew instead of moving
+    waiting: Booleans,  # [E] ended at the step before: begin an episode instead of moving
     max_steps: int,
     copies: Copies,
     observations: Floats,  # [E, d] out

@@ -21,7 +21,7 @@ class ScriptedPolicy(ABC):
     """SB3's ``predict`` around a decision that needs no memory.
 
     Attributes:
-        reads_features: It gets the vector of the environment's features, whatever its space.
+        reads_features: It gets the vector of the environment's features, for any space.
     """
 
     reads_features = True
@@ -56,8 +56,8 @@ class RulePolicy(ScriptedPolicy):
         return self._rule(observations)
 
 
-# Each task has a plain one, well below what can be earned, and a better one. Mean returns are
-# those of 200 episodes with the seeds 0 to 199 (``python benchmarks/experts.py``).
+# Each task has a plain one, well below the best return, and a better one. Mean returns are those of
+# 200 episodes with the seeds 0 to 199 (``python benchmarks/experts.py``).
 
 
 def follow_the_fall(env: Any) -> RulePolicy:
@@ -167,7 +167,7 @@ def _hold_or_pump(o: Floats) -> Floats:
     return torque
 
 
-# MountainCar: what counts as rolling right; how far left pushing left still helps.
+# MountainCar: speed that counts as rolling right; how far left pushing left still helps.
 ROLLING, LEFT_SLOPE = 0.005, -0.8
 # LunarLander's actions, and how far it tilts at most [rad].
 NOTHING, LEFT_ENGINE, MAIN_ENGINE, RIGHT_ENGINE = 0, 1, 2, 3
@@ -212,9 +212,9 @@ MARGIN = 0.75  # that the planner keeps from collisions, against noise [m]
 class GatePolicy(ScriptedPolicy):
     """Waits at the gate of each crossing while its opponent is near.
 
-    The gate of a crossing is the last step before its collision band; where bands are close, a
-    gate has no part in the band of another crossing. The rule uses only what a person who watches
-    can see and the sensors can express, so a tree can learn it.
+    The gate of a crossing is the last step before its collision band; where bands are close, a gate
+    has no part in the band of another crossing. The rule uses only observations that a person who
+    watches can see, so a tree can learn it.
 
     Args:
         parameters: The environment's constants.

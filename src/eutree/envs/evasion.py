@@ -112,7 +112,7 @@ class EvasionEnv(gymnasium.Env[Any, Any]):
 
     Ids: ``eutree/Evasion2-v0``, ``eutree/Evasion3-v0`` and ``eutree/Evasion4-v0`` have 2, 3 and 4
     opponents, ``eutree/Evasion-v0`` takes ``n_opponents``. ``eutree/PaperEvasion2-v0`` and
-    ``eutree/PaperEvasion3-v0`` have the constants in which most of what the paper says is true.
+    ``eutree/PaperEvasion3-v0`` have the constants under which most claims of the paper hold.
     ``gymnasium.make_vec`` makes a native vector environment with the same episodes, bit for bit.
 
     ## Version History
@@ -124,7 +124,7 @@ class EvasionEnv(gymnasium.Env[Any, Any]):
         "render_fps": 1.0,
     }
 
-    # The parameters by name, for help() and for whoever asks which arguments there are.
+    # The parameters by name, for help() and for code that asks which arguments there are.
     __signature__ = inspect.Signature(
         [
             inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default)

@@ -91,7 +91,7 @@ def all_experts() -> Mapping[str, Mapping[str, Expert]]:
     for point in entry_points(group=GROUP):
         try:
             every = {**point.load(), **every}
-        except Exception as error:  # whatever a package's author lets happen
+        except Exception as error:  # a package of another author may raise anything
             raise InvalidArgumentError(
                 f"experts {point.name!r}, {point.value}, cannot be imported: {error}"
             ) from error
@@ -103,9 +103,9 @@ class CarelessPolicy:
 
     Args:
         policy: The careful policy.
-        choices: The actions to choose from at random: how many there are, or what each of them
-            sets, shape [A, K], of which a policy that answers with that gets a row. Whole numbers
-            are the environment's own actions.
+        choices: The actions to choose from at random: how many there are, or the numbers that each
+            of them sets, shape [A, K], of which a policy that answers with such numbers gets a row.
+            Whole numbers are the environment's own actions.
         probability: Share of decisions that are random.
         generator: Source of chance.
     """
@@ -136,7 +136,7 @@ class CarelessPolicy:
         )
         chosen, rows = np.asarray(actions), self._choices
         own = np.asarray(rows).dtype.kind == "i" and not self.reads_features
-        # Is the answer what an action sets, and not the number of an action?
+        # Is the answer a row of numbers that an action sets, and not the action's index?
         if not isinstance(rows, int) and (own or chosen.dtype.kind == "f" or chosen.size > 1):
             if self._generator.random() < self._probability:
                 row = rows[self._generator.integers(len(rows))]
@@ -150,10 +150,10 @@ class CarelessPolicy:
 
 
 class LatePolicy:
-    """Acts on what was to be seen some steps ago; what was decided first holds until then.
+    """Acts on the observation of some steps ago; until then the first decision holds.
 
-    The decisions under way are the policy's state: pass back what ``predict`` returned, as for
-    a recurrent policy of Stable-Baselines3.
+    The decisions under way are the policy's state: pass back the state that ``predict`` returned,
+    as for a recurrent policy of Stable-Baselines3.
 
     Args:
         policy: The prompt policy.

@@ -23,7 +23,7 @@ _ENDING_NAMES = np.array([None, *ENDINGS[1:]], dtype=object)
 
 
 class _FirstDraws:
-    """What the generator of a seed draws for its first episode, in place of the generator."""
+    """The draws of a seed's generator for its first episode, in place of the generator."""
 
     def __init__(self, uniforms: Floats, noise: Floats) -> None:
         self._uniforms, self._noise = uniforms, noise

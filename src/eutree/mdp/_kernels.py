@@ -2,9 +2,9 @@
 
 Transitions are kept as *rows*: sorted lists of (key, count) in one pool. State s of A actions owns
 A + 1 rows: row s (A + 1) + a lists the successors of (s, a), its last row the pairs s' A + a that
-lead to s. Sorted rows make every sum a function of the counts alone, whatever the order in which
-the transitions came. A row that is full moves to the end of the pool with twice the capacity; the
-caller repacks the pool when a kernel answers ``NO_ROOM``, before which nothing has been changed.
+lead to s. Sorted rows make every sum a function of the counts alone, not of the order of the
+transitions. A row that is full moves to the end of the pool with twice the capacity; the caller
+repacks the pool when a kernel answers ``NO_ROOM``, before which nothing has been changed.
 """
 
 from typing import NamedTuple
@@ -32,7 +32,7 @@ class CountArrays(NamedTuple):
     Attributes:
         table: Where each row of counts begins, its size and its capacity.
         pool: The entries of all rows: key and count.
-        counters: What is used of the pool, and how many states there are.
+        counters: Entries used of the pool, and number of states.
         visits: N(s, a).
         reward_sums: Sum of the rewards of each state and action.
     """

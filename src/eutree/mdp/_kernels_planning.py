@@ -34,7 +34,7 @@ class Pairs(NamedTuple):
 
 
 class Greedy(NamedTuple):
-    """What an improvement writes: the greedy policy, and the values by one backup of all states."""
+    """The greedy policy of an improvement, and the values by one backup of all states."""
 
     policy: Int32s  # [S]
     action_values: Floats  # [S A]
@@ -201,7 +201,7 @@ def _precondition(
     right: Floats,  # [S]
     out: Floats,  # [S]
 ) -> None:
-    """Write what one symmetric Gauss-Seidel sweep from 0 makes of ``right``."""
+    """Write the result of one symmetric Gauss-Seidel sweep from 0 for ``right``."""
     starts, middles, column, entry = system.starts, system.middles, system.column, system.entry
     # With M = L + U, its lower and upper triangle, out = (I - U)^-1 (I - L)^-1 right.
     n_states = right.shape[0]
@@ -273,8 +273,8 @@ def _krylov(
 ) -> int:
     """Solve (I - M) V = right by BiCGSTAB (van der Vorst 1992); return the iterations.
 
-    The images below are those of -(I - M), which is what ``_residual`` with a zero right side
-    gives. A breakdown (a divisor of 0) ends the iteration where it is.
+    The images below are those of -(I - M), the result of ``_residual`` with a zero right side. A
+    breakdown (a divisor of 0) ends the iteration where it is.
     """
     work = system.work
     residual, shadow, direction, image = work[0], work[1], work[2], work[3]
@@ -336,7 +336,7 @@ def evaluate(
         kept[:] = values
         _krylov(system, right, values, tolerance, limit)
         new = _residual(system, right, values, work[0])
-        # Less than halved counts as failure; what is worse than before is taken back.
+        # Less than halved counts as failure; values worse than before are taken back.
         if not new < 0.5 * size:
             if not new < size:
                 values[:] = kept
@@ -375,7 +375,7 @@ def iterate_discounted(
 ) -> tuple[int, float, float]:
     """Improve the policy until the values are certain; return rounds, bound and shift.
 
-    The answer is what ``backed_up`` and ``action_values`` hold, plus the shift.
+    The answer is ``backed_up`` and ``action_values``, plus the shift.
     """
     backed_up = out.backed_up
     n_states = values.shape[0]
@@ -398,7 +398,7 @@ def iterate_discounted(
             kept[:] = values
             narrowest, stalled = bound, 0
         elif forcing > TIGHT:
-            # Far horizons magnify what an evaluation leaves: go back, and evaluate more closely.
+            # Far horizons magnify the error of an evaluation: go back, and evaluate more closely.
             forcing *= 0.01
             improve(pairs, discounts, tie, kept, out)
             low, high = _range(kept, backed_up, episodic)

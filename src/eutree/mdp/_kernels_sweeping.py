@@ -47,7 +47,7 @@ class MDPArrays(NamedTuple):
         heap: State in each slot of the queue, and slot of each state.
         priority: Priority of each queued state.
         touched: The states touched since the savepoint, and whether each state is one of them.
-        saved: What the touched states held at the savepoint: V, priority, Q and reward sums.
+        saved: V, priority, Q and reward sums of the touched states at the savepoint.
         settings: Discount, threshold, value of the untried, horizon.
     """
 
@@ -181,7 +181,7 @@ def back_up(mdp: MDPArrays, state: int, loops: Integers) -> float:
 
 @compiled
 def _save(mdp: MDPArrays, state: int) -> None:
-    """Keep what a state holds, before its first change after a savepoint."""
+    """Keep a state's V, priority, Q and reward sums, before the first change after a savepoint."""
     mdp.touched[LIST, mdp.counters[TOUCHED]] = state
     mdp.touched[LISTED, state] = 1
     mdp.counters[TOUCHED] += 1
@@ -195,13 +195,13 @@ def _save(mdp: MDPArrays, state: int) -> None:
 
 @compiled
 def roll_back(mdp: MDPArrays, queue: Int32s) -> None:
-    """Give every state that was touched since the savepoint what it held, and the queue too.
+    """Restore every state that was touched since the savepoint, and the queue.
 
     ``queue`` has the slots of the heap at the savepoint, shape [n].
     """
     counters, heap, saved = mdp.counters, mdp.heap, mdp.saved
     n_actions = mdp.action_values.shape[1]
-    for i in range(counters[TOUCHED]):  # the states before the i-th hold what they held
+    for i in range(counters[TOUCHED]):  # the states before the i-th are restored
         state = mdp.touched[LIST, i]
         mdp.values[state] = saved[state, 0]
         mdp.priority[state] = saved[state, 1]

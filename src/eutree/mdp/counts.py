@@ -140,7 +140,7 @@ class TransitionCounts:
         return pairs // self.n_actions, pairs % self.n_actions, counts
 
     def probabilities(self, state: int, action: int) -> Floats:
-        """Return Pr(s, a, s') (Eq. 3) for every s', shape [S]; what misses to 1 is terminal.
+        """Return Pr(s, a, s') (Eq. 3) for every s', shape [S]; the rest to 1 is terminal.
 
         NaN everywhere where the action was never tried.
         """
@@ -182,8 +182,8 @@ class TransitionCounts:
     ) -> None:
         """Take transitions back, the inverse of ``observe``.
 
-        Counts become what they were, reward sums only to rounding: see ``set_rewards``. A row
-        that was never counted raises, with the rows before it already taken back.
+        Counts return exactly, reward sums only to rounding: see ``set_rewards``. A row that was
+        never counted raises, with the rows before it already taken back.
         """
         rows = self._checked(states, actions, rewards, next_states)
         row = _kernels.forget_rows(self.arrays, rows)

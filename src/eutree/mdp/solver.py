@@ -1,4 +1,4 @@
-"""Exact solution of an MDP over leaves, with a certified bound on what is left of the error.
+"""Exact solution of an MDP over leaves, with a certified bound on the remaining error.
 
 The method is policy iteration. The values of a policy solve a sparse linear system, (I - discount
 Pr) V = R, which is treated by BiCGSTAB preconditioned with a symmetric Gauss-Seidel sweep, below
@@ -21,8 +21,8 @@ d = 0, so that 0 is counted among d. The midpoint is added, and half the width i
 2. The other states start from a policy that ends with probability 1 from everywhere. As long as
    endless behaviour costs something, improving such a policy keeps it so.
 3. If endless behaviour pays (a positive cycle, as in balancing tasks), the answer is that of
-   discount 1 - 1 / horizon in all states, and ``Solution.discount`` says so. What takes more than
-   1000 horizons to end counts as endless.
+   discount 1 - 1 / horizon in all states, and ``Solution.discount`` says so. Behaviour that takes
+   more than 1000 horizons to end counts as endless.
 
 The bound is then residual * (expected steps to the end under the policy, at most): the error of V
 as the value of the returned policy, which no single action improves.
@@ -54,9 +54,9 @@ from eutree.validation import check_number, check_vector
 #     Pr(s, a, s') = |{(o, a, r, o') in T(s, a) : L(o') = s'}| / |T(s, a)|          (Eq. 3)
 #     R(s, a)      = (sum of r over T(s, a)) / |T(s, a)|, the mean immediate reward  (Eq. 4)
 #
-# A terminated transition leads to no leaf: what is missing in a row of Pr to 1 is the probability
-# that the episode terminates, after which the value is 0. A truncated one is no such transition:
-# it leads to the leaf of its last observation.
+# A terminated transition leads to no leaf: the rest of a row of Pr to 1 is the probability that the
+# episode terminates, after which the value is 0. A truncated one is no such transition: it leads to
+# the leaf of its last observation.
 
 
 TERMINAL = -1
@@ -117,7 +117,7 @@ class Model:
 
 
 def _fault(model: Model) -> str:
-    """Return what is wrong with the arrays of a model; empty if nothing is."""
+    """Return the fault of a model's arrays; empty if there is none."""
     shape = model.visits.shape
     if model.reward.shape != shape or model.termination.shape != shape:
         return (
@@ -149,7 +149,7 @@ _TIE = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Values and a greedy policy, with what is known of their error.
+    """Values and a greedy policy, with a bound on their error.
 
     Attributes:
         values: V(s) (Eq. 6).
@@ -419,7 +419,7 @@ def solve(
         tolerance: Error that may remain in any value.
         initial_values: Where to begin; 0 if None. States in which nothing was tried keep theirs.
         initial_policy: Actions that are kept on ties; NO_ACTION for no preference.
-        untried: What an action counts that was never tried; None leaves it out.
+        untried: Value of an action that was never tried; None leaves it out.
         horizon: Steps after which endless behaviour is taken to end; used with discount 1 only.
     """
     discount = check_number("discount", discount, low=0.0, high=1.0)

@@ -59,7 +59,7 @@ class TabularMDP:
     Args:
         counts: The transitions counted so far, or none; the MDP counts on in it.
         discount: Weight of the next step's value, from 0 to 1.
-        untried: What an action counts that was never tried in a state; None leaves it out of the
+        untried: Value of an action that was never tried in a state; None leaves it out of the
             maximum and shows NaN as its Q. The paper preset uses 0, an optimist a high value.
         precision: Error of V that may remain for each change that prioritized sweeping lets rest.
         horizon: Steps after which behaviour that never ends is taken to end, where the discount
@@ -147,8 +147,8 @@ class TabularMDP:
 
         Args:
             state: Where it began.
-            action: What was done.
-            reward: What was received.
+            action: The action taken.
+            reward: The reward received.
             next_state: Where it led, or TERMINAL.
             backups: How many states of highest priority to back up.
         """
@@ -218,7 +218,7 @@ class TabularMDP:
         return solution
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Return copies of what the counts alone do not tell: V, Q, the queue, reward sums."""
+        """Return copies of the arrays that counts do not determine: V, Q, queue, reward sums."""
         arrays = self._arrays
         return {
             "values": self.values.copy(),
@@ -231,7 +231,7 @@ class TabularMDP:
     def savepoint(self) -> None:
         """Let ``rollback`` come back to here, until anything but ``observe`` or ``sweep`` is done.
 
-        Nothing is copied now but the queue: what a state holds is saved before its first change.
+        Only the queue is copied now; each state is saved before its first change.
         """
         self._drop_savepoint()
         arrays = self._arrays
@@ -251,7 +251,7 @@ class TabularMDP:
         self._drop_savepoint()
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Take back what ``state()`` returned, for an MDP that holds the same counts."""
+        """Take back the arrays of ``state()``, for an MDP that holds the same counts."""
         self._drop_savepoint()
         arrays, n_states, queue = self.arrays, self.n_states, state["queue"]
         arrays.values[:n_states] = state["values"]
