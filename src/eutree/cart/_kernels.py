@@ -14,7 +14,7 @@ SAME = 1e-12  # share of a node's impurity that counts as no gain
 
 
 class CartRows(NamedTuple):
-    """What a tree is grown from."""
+    """The rows that a tree is grown from."""
 
     X: Floats  # [d, N]
     order: Int32s  # [d, N] rows, ascending by each feature; those of a node stand together

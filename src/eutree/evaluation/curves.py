@@ -96,7 +96,7 @@ def curve_from_csv(text: str, *, path: str = "curve") -> tuple[CurvePoint, ...]:
     """Return the learning curve of a CSV text; columns may stand in any order.
 
     Args:
-        text: What ``curve_to_csv`` wrote.
+        text: Text that ``curve_to_csv`` wrote.
         path: Where it came from, for messages.
 
     Raises:

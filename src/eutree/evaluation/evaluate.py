@@ -1,10 +1,10 @@
 """Evaluate a frozen policy over many episodes, each with a seed of its own.
 
-Episode k is reset with ``episode_seed(seed, k)``: it is the same episode for every policy, and
-whatever the number of episodes. Where the environment has a vector form that promises the very
-episodes of the single one (``"same_episodes_as_single"`` in its metadata) and the policy decides
-batches, up to 256 episodes run side by side, with results that are equal bit for bit. So the
-episodes can be divided among processes, too: each makes an environment of its own.
+Episode k is reset with ``episode_seed(seed, k)``: it is the same episode for every policy and every
+number of episodes. Where the environment has a vector form that promises the very episodes of the
+single one (``"same_episodes_as_single"`` in its metadata) and the policy decides batches, up to 256
+episodes run side by side, with results that are equal bit for bit. So the episodes can be divided
+among processes, too: each makes an environment of its own.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -79,7 +79,7 @@ def _first_actions(policy: Policy, observations: Floats) -> tuple[Integers, Any]
             observations, state=None, episode_start=starts, deterministic=True
         )
     except Exception:
-        # What is really wrong with the policy, if anything, will show on a single observation.
+        # A real fault of the policy will show on a single observation.
         return None
     actions = np.asarray(actions)
     if actions.shape != (len(observations),) or actions.dtype.kind not in "iu":
@@ -238,10 +238,10 @@ def _one_by_one(
 
 
 def vector_form(env: gymnasium.Env[Any, Any]) -> MakeVector | None:
-    """Return what makes copies of ``env`` with the same episodes; None if nothing does.
+    """Return the maker of copies of ``env`` with the same episodes; None if there is none.
 
     An environment that is watched, or wrapped in more than Gymnasium's own checks, has none: the
-    copies would lack what the wrapper does.
+    copies would lack the wrapper.
     """
     inner = env
     while isinstance(inner, OrderEnforcing | PassiveEnvChecker):
@@ -261,5 +261,5 @@ def vector_form(env: gymnasium.Env[Any, Any]) -> MakeVector | None:
 
 
 def same_parameters(vector: Any, env: gymnasium.Env[Any, Any]) -> bool:
-    """Return whether the environment is still what its spec says."""
+    """Return whether the environment still has the parameters of its spec."""
     return bool(vector.parameters == getattr(env.unwrapped, "parameters", None))

@@ -1,4 +1,4 @@
-"""What an evaluation measured."""
+"""Results of evaluations."""
 
 import math
 from collections.abc import Sequence
@@ -117,7 +117,7 @@ COCHRAN = 25
 
 
 class Earned:
-    """Some episodes by what they earned.
+    """Returns and successes of some episodes.
 
     Attributes:
         returns: Undiscounted return of each episode.
@@ -152,7 +152,7 @@ class Earned:
 
 @dataclass(frozen=True, eq=False)
 class Evaluation(Earned, Displayed):
-    """What an evaluation measured, episode by episode.
+    """Results of an evaluation, episode by episode.
 
     Attributes:
         returns: Undiscounted return of each episode.
@@ -233,7 +233,7 @@ class Evaluation(Earned, Displayed):
 
     @property
     def warning(self) -> str:
-        """What is to be said where episodes are too few for such skewed returns; else "".
+        """A warning where episodes are too few for such skewed returns; else "".
 
         The interval of a mean of n values is about right from n = 25 times their squared skewness
         on (W. G. Cochran, *Sampling Techniques*, 3rd ed., 1977, section 2.15).
@@ -286,7 +286,7 @@ class Evaluation(Earned, Displayed):
 
 @dataclass(frozen=True)
 class Against:
-    """What a policy earned more than another in the same episodes.
+    """The gain of a policy over another in the same episodes.
 
     Attributes:
         episodes: Episodes that both played.
@@ -297,10 +297,10 @@ class Against:
             the ``condition``.
         success_change: Mean of the difference of successes; None where none is reported.
         success_interval: Its 95 % interval, by betting.
-        condition: What the interval depends on, where the range of returns is not known; else "".
-        policy: What the policy did.
-        other: What the other policy did.
-        name: Who the other is; "" where nobody said.
+        condition: Assumption of the interval, where the range of returns is not known; else "".
+        policy: Evaluation of the policy.
+        other: Evaluation of the other policy.
+        name: Name of the other; "" where none was given.
     """
 
     episodes: int
@@ -316,7 +316,7 @@ class Against:
     name: str = ""
 
     def __str__(self) -> str:
-        """Return what the other did and what the policy earned more, a line each."""
+        """Return the other's results and the policy's gain over it, a line each."""
         return f"{self.name}: {self.other}\n{self.describe(self.name)}"
 
     def facts(self) -> dict[str, Any]:
@@ -363,10 +363,10 @@ def against(
     """Compare two evaluations on the same episodes: same environment, seed and count.
 
     Args:
-        policy: What the policy did.
-        other: What the one beside it did.
-        known: Lowest and highest return that an episode can have; None where nobody knows.
-        name: Who the other is.
+        policy: Evaluation of the policy.
+        other: Evaluation of the one beside it.
+        known: Lowest and highest return that an episode can have; None if unknown.
+        name: Name of the other.
 
     Raises:
         InvalidArgumentError: They are not of as many episodes.

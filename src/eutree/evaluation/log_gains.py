@@ -1,19 +1,19 @@
-"""What recorded episodes say of acting by one tree in place of another, episode by episode.
+"""Gains of acting by one tree in place of another, estimated from each recorded episode.
 
-Whoever acted while they were recorded followed some policy mu. Compared are two ways to act: as in
-the log, but where two trees decide differently by the one of them, or by the other. What an episode
-says of that gain is one number, without bias if mu is right, and nothing has to be known of
-observations and actions that were never recorded. There are two such numbers:
+The actor of the log followed some policy mu. Compared are two ways to act: as in the log, but where
+two trees decide differently by the one of them, or by the other. An episode's estimate of that gain
+is one number, without bias if mu is right, and nothing has to be known of observations and actions
+that were never recorded. There are two such numbers:
 
-* *whole episodes*, where few steps of an episode decide: its return, less what was to be expected
-  where the trees first differ, weighted by the inverse chance of all actions from there on that one
-  tree would have taken, less the same for the other (importance sampling: Precup, Sutton and Singh,
+* *whole episodes*, where few steps of an episode decide: its return, less the expected one where
+  the trees first differ, weighted by the inverse chance of all actions from there on that one tree
+  would have taken, less the same for the other (importance sampling: Precup, Sutton and Singh,
   *Eligibility traces for off-policy policy evaluation*, ICML 2000). It is the gain itself, and lies
   within the largest weight times the range of returns.
 * *single deviations*, elsewhere: at each step at which they differ, the advantage of the action
-  taken over its chance, for the tree that would have taken it. Their sum is the first-order term
-  of the gain (Kakade and Langford, *Approximately optimal approximate reinforcement learning*,
-  ICML 2002): what deviating once gains, added up. Nothing bounds it but what was seen.
+  taken over its chance, for the tree that would have taken it. Their sum is the first-order term of
+  the gain (Kakade and Langford, *Approximately optimal approximate reinforcement learning*, ICML
+  2002): the gains of deviating once, added up. Its only bounds are the numbers seen.
 
 Advantages are generalized ones (Schulman et al. 2016, Eq. 16) with V fitted to episodes that do not
 judge; mu is the shares of actions in the leaves of a C4.5 tree of those.
@@ -41,7 +41,7 @@ LAMBDA = 0.9
 
 @dataclass(frozen=True, eq=False)
 class Gains:
-    """What episodes say of a tree against another.
+    """Estimates of the gain of a tree over another, by episodes.
 
     Attributes:
         values: One number for each episode that judges.
@@ -60,7 +60,7 @@ class Gains:
 
 
 class ToldEpisode(NamedTuple):
-    """What V and mu say of an episode, and how much more than usual followed each step."""
+    """V and mu at the steps of an episode, and the advantage of each action taken."""
 
     episode: Episode
     chances: Floats  # [T, A]
@@ -69,7 +69,7 @@ class ToldEpisode(NamedTuple):
 
 
 class FittedLog:
-    """Episodes that V and the chances of actions are fitted to, and what others say by them.
+    """V and the chances of actions, fitted to episodes, by which other episodes are judged.
 
     Args:
         episodes: At least one step.
@@ -91,7 +91,7 @@ class FittedLog:
         self._value = _fitted_value(rows, self.episodes, discount)
 
     def told(self, episode: Episode) -> ToldEpisode:
-        """Return what V and mu say of an episode; once for all trees that are compared."""
+        """Return V and mu at an episode's steps; once for all trees that are compared."""
         told = self._cache.get(id(episode))
         if told is None or told.episode is not episode:
             chances = self._chances[self._tree.leaf_index(episode.observations[:-1])]
@@ -113,7 +113,7 @@ class FittedLog:
         *,
         most_weight: float,
     ) -> Gains:
-        """Return what episodes say of acting by ``one`` in place of ``other``.
+        """Return the estimated gains of acting by ``one`` in place of ``other``.
 
         Args:
             one: The tree in question.
@@ -152,7 +152,7 @@ def decisions(policy: TreePolicy, episode: Episode) -> Integers:
 
 
 class _Differing:
-    """The steps of an episode at which two trees decide differently, and what was done there."""
+    """The steps of an episode at which two trees decide differently, and the actions taken."""
 
     def __init__(self, one: TreePolicy, other: TreePolicy, told: ToldEpisode) -> None:
         self._told = told
@@ -178,9 +178,9 @@ class _Differing:
         return int(self._both[0][0].sum())
 
     def whole(self, limits: tuple[float, float]) -> tuple[float, float]:
-        """Return what the episode says of the gain of whole episodes, and the worst it could say.
+        """Return the episode's estimate of the gain of whole episodes, and the lowest possible one.
 
-        The worst is that the one tree had been followed to the lowest return, or the other to the
+        The lowest is that of following the one tree to the lowest return, or the other to the
         highest.
         """
         if not self._steps.size:
@@ -231,9 +231,8 @@ def _sums_ahead(values: Floats, discount: float) -> Floats:
 
 
 # The sequence of cuts is that of minimal cost-complexity pruning (Breiman, Friedman, Olshen and
-# Stone, *Classification and Regression Trees*, 1984, section 3.3): the node gives way whose
-# leaves earn least for each of them, where a leaf earns what single deviations to its action
-# gained.
+# Stone, *Classification and Regression Trees*, 1984, section 3.3): the node gives way whose leaves
+# earn least for each of them, where a leaf earns the gains of single deviations to its action.
 
 
 SHARES = (1 / 2, 1 / 4, 1 / 8)  # of the leaves
@@ -246,7 +245,7 @@ def cuts(policy: TreePolicy, log: FittedLog) -> list[TreePolicy]:
 
     Args:
         policy: The tree.
-        log: Episodes that say what its actions are worth.
+        log: Episodes that give the worth of its actions.
     """
     if policy.locked:
         return [policy]
@@ -265,7 +264,7 @@ def cuts(policy: TreePolicy, log: FittedLog) -> list[TreePolicy]:
 def _cut_to(most: int, tree: DecisionTree, label: Integers, worth: Floats) -> None:
     """Label nodes as leaves until there are at most so many leaves."""
     while True:
-        # What the leaves below each node earn, and their number, both [M].
+        # Earnings and number of the leaves below each node, both [M].
         value, leaves = np.zeros(tree.n_nodes), np.zeros(tree.n_nodes, dtype=np.int64)
         for node in range(tree.n_nodes - 1, -1, -1):  # children have larger numbers
             if label[node] != INNER:

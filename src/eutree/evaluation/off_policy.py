@@ -1,7 +1,7 @@
 """Is a tree believed to beat another, by recorded episodes that neither was fitted to?
 
-What each held-out episode says is one number (:mod:`eutree.evaluation.log_gains`), and the numbers
-of whole episodes do not depend on each other. Their mean is bounded from below by betting
+Each held-out episode gives one estimate of the gain (:mod:`eutree.evaluation.log_gains`), and the
+numbers of whole episodes do not depend on each other. Their mean is bounded from below by betting
 (:mod:`eutree.contests.betting`): where the range of returns is known, the bound is above the truth
 in at most 5 % of all logs, however rare the losses. Where it is not known that of the whole log
 stands for it, the sentence says so, and nothing is believed of actions that the log shows less than
@@ -10,12 +10,12 @@ stands for it, the sentence says so, and nothing is believed of actions that the
 Single deviations say little of a tree that goes where nobody stayed. So where they speak, the tree
 must also earn more in a world model of the episodes that it was learned from, in paired rollouts
 from their starts. The two fail differently: the first where trees differ in long runs, the second
-where the model is poor. What they say together holds under a condition, which is in the sentence.
+where the model is poor. Their joint verdict holds under a condition, which is in the sentence.
 
-What is learned from a log may be worse than an imitation of its actor, and no episode can be run to
-find out. So of a log (``Log``) a third of the episodes is held out; the learned tree is cut to what
-they support, and unless they speak for it the result is the tree of ``fit``, which is fitted to all
-of them: it imitates actions and knows no rewards, so it is the tree to beat, too.
+A tree learned from a log may be worse than an imitation of its actor, and no episode can be run to
+find out. So of a log (``Log``) a third of the episodes is held out; the learned tree is cut to the
+size that they support, and unless they speak for it the result is the tree of ``fit``, which is
+fitted to all of them: it imitates actions and knows no rewards, so it is the tree to beat, too.
 """
 
 from collections.abc import Sequence
@@ -40,7 +40,7 @@ from eutree.world_model.action_trees import from_decision_tree
 FEWEST_HELD_OUT = 4  # episodes; below that no difference is believed
 HELD_OUT = 1 / 3  # share of the episodes
 ROLLOUTS = 200
-# Of a whole episode. Heavier ones say next to nothing, but what they say needs no condition.
+# Of a whole episode. Heavier ones say next to nothing, but need no condition.
 MOST_WEIGHT, MOST_WEIGHT_KNOWN = 20.0, 1000.0  # the second where the range of returns is known
 MIDDLE = 0.5  # between pessimism and optimism
 CONFIDENCE = 0.95  # of the one-sided bound
@@ -49,15 +49,15 @@ DISCOUNT = 0.99  # of advantages, for methods without a discount
 
 @dataclass(frozen=True)
 class OffPolicyComparison:
-    """What held-out episodes say of a learned tree against another.
+    """The gain of a learned tree over another, estimated from held-out episodes.
 
     Attributes:
         gain: Estimated gain of the learned tree over the other in an episode; nan where unknown.
         low: Lower bound of the gain at the confidence of ``CONFIDENCE``.
-        predicted: What it earns more in rollouts of a world model, less a standard error; nan
-            where whole episodes speak, who need no model.
+        predicted: Its gain in rollouts of a world model, less a standard error; nan where whole
+            episodes speak, which need no model.
         n_held_out: Held-out episodes.
-        condition: What the bound depends on, as the end of a sentence; "" where on nothing.
+        condition: Assumption of the bound, as the end of a sentence; "" where there is none.
         tried: Steps of the log at which the trees differ and the learned one was followed.
         needed: Steps of that kind that a claim needs: where the range of returns is not known,
             losses rarer than once in a third of them may not have been seen.
@@ -153,7 +153,7 @@ class Judge:
     return_range: tuple[float, float] | None = None
 
     def of(self, learned: TreePolicy, error: float = 1.0 - CONFIDENCE) -> OffPolicyComparison:
-        """Return what the held-out episodes say of a tree; the bound is wrong as often as that."""
+        """Compare a tree by the held-out episodes; ``error`` is the chance of a wrong bound."""
         if len(self.held_out) < FEWEST_HELD_OUT:
             return OffPolicyComparison(float("nan"), -np.inf, -np.inf, len(self.held_out))
         found = self._gains(learned)
@@ -170,7 +170,7 @@ class Judge:
         )
 
     def chosen(self, learned: TreePolicy) -> tuple[TreePolicy, OffPolicyComparison]:
-        """Return the tree that the held-out episodes support, cut to it, and what they say of it.
+        """Return the tree that the held-out episodes support, cut to it, and its comparison.
 
         Of the learned tree and its cuts those that are believed to beat the other tree are kept,
         each bound with its share of the error (Bonferroni), and the smallest within a standard
@@ -220,7 +220,7 @@ class Judge:
         return gain.mean - gain.error
 
     def _condition(self, found: Gains) -> str:
-        """Return what a bound depends on."""
+        """Return the assumption of a bound."""
         if not found.whole:
             return (
                 "if single deviations add up, and no episode speaks against it more strongly than "
@@ -240,7 +240,7 @@ class Log:
         held_out: Those that judge.
         expert: The tree to beat; None for that of ``fit``.
         return_range: Lowest and highest return of an episode; None where they are not known.
-        seed: Seed of the division and of what is estimated.
+        seed: Seed of the division and of the estimates.
     """
 
     recorded: Demonstrations

@@ -30,7 +30,7 @@ __all__ = [
 
 
 def to_json(policy: TreePolicy) -> str:
-    """Return the document that ``TreePolicy.load`` reads, byte for byte what ``save`` writes."""
+    """Return the document that ``TreePolicy.load`` reads, with the bytes that ``save`` writes."""
     return policy.to_bytes().decode("utf-8")
 
 
@@ -51,7 +51,7 @@ class ExportFormat:
         name: Its name on the command line.
         suffix: The usual suffix of its files.
         function: Makes the content from a policy and the format's options.
-        summary: What it is for, in a few words.
+        summary: Its purpose, in a few words.
         binary: Whether the content is bytes rather than text.
         takes_derived: Whether it takes derived features as given, and so keeps no formula.
     """
@@ -90,7 +90,7 @@ def export(policy: TreePolicy, format: str, **options: Any) -> str | bytes:
     Args:
         policy: The policy.
         format: Name of the format.
-        options: What the format's function takes besides the policy.
+        options: Arguments of the format's function besides the policy.
     """
     entry = FORMATS[check_choice("format", format, FORMATS)]
     for option in options:

@@ -56,7 +56,7 @@ class Numbers:
         if self.number == "int32":
             return f"{x} <= {integer(int(threshold))}"
         below = float_below(threshold)
-        if math.isinf(below):  # C has no constant for what alone passes
+        if math.isinf(below):  # C has no constant for -inf, which alone passes
             return f"{x} < {hexadecimal(-_LARGEST_FLOAT)}F"
         return f"{x} <= {hexadecimal(below)}F"
 

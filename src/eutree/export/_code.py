@@ -1,4 +1,4 @@
-"""What exported code is written of: identifiers, blocks, derived features, templates.
+"""Parts of exported code: identifiers, blocks, derived features, templates.
 
 C99 promises 127 levels of nesting, Python 100 of indentation. A tree that is deeper than
 ``DEPTH`` becomes several functions: each block's rules end by calling the blocks below it.
@@ -49,7 +49,7 @@ def identifiers(names: Sequence[str], *, reserved: Iterable[str], prefix: str = 
     Args:
         names: The names.
         reserved: Words to avoid, in any case.
-        prefix: What to put before a name that is empty or begins with a digit.
+        prefix: Letters to put before a name that is empty or begins with a digit.
     """
     taken = {word.casefold() for word in reserved}
     result = []
@@ -186,7 +186,7 @@ def operations(name: str, choice: str, both: str, either: str) -> dict[str, str]
     """Return how each operation is written where functions are called ``NAME_ratio(a, b)``.
 
     Args:
-        name: What the functions' names begin with.
+        name: Beginning of the functions' names.
         choice: The choice between {1}, where {0} holds, and {2}.
         both: The word for "and".
         either: The word for "or".
@@ -206,7 +206,7 @@ def functions(language: str, name: str) -> Functions:
 
     Args:
         language: ``"c"``, ``"python"`` or ``"structured_text"``, of which each has a file.
-        name: What their names begin with.
+        name: Beginning of their names.
     """
     text = template(f"operations.{language}.txt")
     before, bound = _WRITTEN[language]
@@ -223,7 +223,7 @@ def filled(name: str, /, **values: object) -> list[str]:
 
     Args:
         name: Name of its file in ``templates``, without the suffix.
-        **values: What is filled in; of a list each entry is a line.
+        **values: Value of each field; of a list each entry is a line.
     """
     fields = {
         field: "\n".join(value) if isinstance(value, list) else value

@@ -3,13 +3,13 @@
 A policy becomes up to three files: the source with the entry point ``int NAME(const double
 *observation)``, a header with the names of the actions, and a program that tests the source on
 every threshold. Where actions set quantities there is a function for each, ``double
-NAME_CONTROL(const double *observation)``, and a table of what every action sets. Where actions may
-be masked, ``int NAME_allowed(const double *observation, const unsigned char *allowed)`` takes the
-first one that is allowed in the order of the leaf.
+NAME_CONTROL(const double *observation)``, and a table of the numbers that every action sets. Where
+actions may be masked, ``int NAME_allowed(const double *observation, const unsigned char *allowed)``
+takes the first one that is allowed in the order of the leaf.
 
-Derived features are computed in doubles of what is measured, which alone is handed in. Of a last
+Derived features are computed in doubles of the measured ones, which alone are handed in. Of a last
 value the source keeps a static copy: ``NAME_reset()`` begins an episode, and the entry point is to
-be called once a step; what the action sets is then in the table alone.
+be called once a step; the numbers of the action are then in the table alone.
 """
 
 import math
@@ -102,7 +102,7 @@ def function_name(stem: str) -> str:
 
 
 def _heading(policy: TreePolicy, kind: Numbers) -> list[str]:
-    """Return the comment at the top: what goes in, what comes out, what must hold."""
+    """Return the comment at the top: inputs, outputs, and conditions."""
     made_for = f" for {text.printable(policy.environment.id)}" if policy.environment else ""
     lines = [
         f"A decision tree with {counted(policy.n_leaves, 'leaf')}{made_for}.",
@@ -257,7 +257,7 @@ def _masked(policy: TreePolicy, orders: Integers, name: str, kind: Numbers) -> l
 
 
 def _values(policy: TreePolicy, name: str, kind: Numbers) -> list[str]:
-    """Return the table of what the actions set, and a function for each control."""
+    """Return the table of the numbers that actions set, and a function for each control."""
     schema = policy.schema
     if not schema.controls:
         return []
@@ -295,7 +295,7 @@ def _value_titles(policy: TreePolicy, name: str, kind: Numbers) -> list[str]:
 
 
 def _level_type(kind: Numbers) -> str:
-    """Return the type of a level: observations in integers say nothing of what is set."""
+    """Return the type of a level: observations in integers say nothing of the levels."""
     return "double" if kind.number == "double" else "float"
 
 
@@ -306,7 +306,7 @@ def _level(kind: Numbers, level: float) -> str:
 
 
 def _string(text: str) -> str:
-    """Return a string constant that holds ``text`` in UTF-8, whatever the compiler reads."""
+    """Return a string constant that holds ``text`` in UTF-8 under every compiler."""
     units = text.encode("utf-8", "surrogatepass")
     signs = (chr(unit) if _SAFE.fullmatch(chr(unit)) else f"\\{unit:03o}" for unit in units)
     return f'"{"".join(signs)}"'

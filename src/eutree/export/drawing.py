@@ -155,7 +155,7 @@ _SIGNS = {
 }
 
 
-# What a pixel of `text_width` takes in \footnotesize of Computer Modern, and space around words.
+# Size of a pixel of `text_width` in \footnotesize of Computer Modern, and space around words.
 _CENTIMETRES, _PADDING, _GAP = 0.0215, 0.25, 1.1
 
 

@@ -9,11 +9,11 @@ def to_python(policy: TreePolicy, *, name: str = "decide") -> str:
     """Return a Python module with one function: an observation in, the action's index out.
 
     Where actions set quantities there is a function for each, ``NAME_CONTROL(observation)``, and
-    ``VALUES``, what every action sets. Derived features are computed of those measured, which alone
-    are handed in; where one is of a last value the function is to be called once a step, with
-    ``NAME_reset()`` before each episode, and what an action sets is in ``VALUES`` alone. Where
-    actions may be masked, ``NAME_allowed(observation, allowed)`` takes the first one that is
-    allowed in the order of the leaf, ``ORDERS``.
+    ``VALUES``, the numbers that every action sets. Derived features are computed of those measured,
+    which alone are handed in; where one is of a last value the function is to be called once a
+    step, with ``NAME_reset()`` before each episode, and the numbers of an action are in ``VALUES``
+    alone. Where actions may be masked, ``NAME_allowed(observation, allowed)`` takes the first one
+    that is allowed in the order of the leaf, ``ORDERS``.
 
     Args:
         policy: The policy.

@@ -69,7 +69,7 @@ def write_archive(
         FileError: It cannot be written, or would be larger than ``limit``.
     """
     data = encode_archive(arrays, document)
-    if len(data) > limit:  # never write what could not be read
+    if len(data) > limit:  # never write a file that could not be read
         raise FileError("write", path, f"{len(data):,} bytes are more than the {limit:,} allowed")
     atomic.write_bytes(path, data)
 
@@ -82,7 +82,7 @@ def write_arrays(path: str | Path, arrays: Mapping[str, Array]) -> None:
 def read_archive(
     path: str | Path, kind: type[_Document], *, limit: int = MAX_ARCHIVE
 ) -> tuple[_Document, dict[str, Array]]:
-    """Read what ``write_archive`` wrote; the arrays are read-only.
+    """Read an archive of ``write_archive``; the arrays are read-only.
 
     Raises:
         FormatError: The file is no such archive, or exceeds a cap.
@@ -107,7 +107,7 @@ def read_arrays(
         for name, info in _members(archive, path, only, limit).items():
             if name != _DOCUMENT_MEMBER:
                 arrays[name] = _decode_array(_content(archive, info, path), info.filename, path)
-                size += 8 * arrays[name].size  # what it will take as float64 or int64
+                size += 8 * arrays[name].size  # its bytes as float64 or int64
             if size > limit:
                 raise FormatError(path, "", f"too large: more than {limit // 8:,} elements")
         return arrays
@@ -130,7 +130,7 @@ def encode_archive(arrays: Mapping[str, Array], document: Document | None = None
 def decode_archive(
     data: bytes, kind: type[_Document], path: str | Path, *, limit: int = MAX_ARCHIVE
 ) -> tuple[_Document, dict[str, Array]]:
-    """Return what ``encode_archive`` put in; ``path`` is for the messages."""
+    """Return the parts that ``encode_archive`` put in; ``path`` is for the messages."""
     with _as_format_errors(path), zipfile.ZipFile(BytesIO(data)) as archive:
         members = _members(archive, path, None, limit)
         for info in members.values():
@@ -151,7 +151,7 @@ def decode_archive(
 
 @contextmanager
 def _as_format_errors(path: str | Path) -> Iterator[None]:
-    """Turn whatever zipfile raises on bad bytes into a FormatError."""
+    """Turn all that zipfile raises on bad bytes into a FormatError."""
     try:
         yield
     except FormatError:

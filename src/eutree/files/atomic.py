@@ -27,7 +27,7 @@ except ImportError:  # not a POSIX system: no locks there
 
 TEMPORARY_SUFFIX = ".eutree-tmp"
 RUN, DEMONSTRATIONS, RESULTS = "a run", "demonstrations", "results"
-KINDS = {  # what folders hold, and the files that tell it
+KINDS = {  # kinds of folders, and the files that tell them
     RUN: ("config.json", "checkpoint.npz", "runs.csv"),
     DEMONSTRATIONS: ("demonstrations.json",),
     RESULTS: (),
@@ -208,7 +208,7 @@ def remove_orphans(folder: str | Path) -> list[Path]:
     """Remove the temporary files that dead processes of this machine left in ``folder``.
 
     Returns:
-        What was removed. Files of living processes and of other machines stay.
+        The removed files. Those of living processes and of other machines stay.
     """
     removed = []
     with suppress(OSError):
@@ -339,7 +339,7 @@ def _refuse_special(path: Path) -> None:
 
 
 def _remove_folder(folder: Path) -> None:
-    """Remove a flat folder and its files; ignore what is already gone."""
+    """Remove a flat folder and its files; ignore files already gone."""
     remove: Callable[[Path], None]
     with suppress(OSError):
         for path in folder.iterdir():

@@ -4,10 +4,10 @@ A document is a JSON object whose first keys are its header::
 
     {"format": "eutree/policy", "version": 2, "made_by": "eutree 0.2.0", ...}
 
-Writing is deterministic: fixed order of keys, floats in their shortest form that reads back to
-the same bits, one line for each key and for each item of a list of objects. NaN and infinity
-have no place in JSON and are refused; a document that needs one says so by a type that allows
-null. Reading refuses whatever is not exactly what the document's type declares.
+Writing is deterministic: fixed order of keys, floats in their shortest form that reads back to the
+same bits, one line for each key and for each item of a list of objects. NaN and infinity have no
+place in JSON and are refused; a document that needs one says so by a type that allows null. Reading
+refuses every document that is not exactly of its declared type.
 """
 
 import json
@@ -25,7 +25,7 @@ from eutree.errors import FormatError, InvalidArgumentError
 from eutree.files import atomic
 from eutree.version import __version__
 
-MAX_DEPTH = 50  # of nested lists and objects; interpreters differ in what they can take
+MAX_DEPTH = 50  # of nested lists and objects; interpreters differ in the depth they can take
 MAX_DOCUMENT = 16 * 2**20  # bytes; Python objects take up to 25 times the room of their text
 
 _LENGTH, _DOUBLE = struct.Struct("<I"), struct.Struct("<d")
@@ -55,7 +55,7 @@ _Plain = TypeVar("_Plain", bound=msgspec.Struct)
 
 
 class _Header(msgspec.Struct):
-    """What every document of every version begins with."""
+    """The header of every document of every version."""
 
     format: str
     version: int
@@ -103,7 +103,7 @@ def encode_document(document: Document) -> bytes:
             raise InvalidArgumentError(f"{kind.FORMAT}: {place} must be finite, got {number}")
     lines = (_compact(key, kind) + ": " + _value(value, kind) for key, value in content.items())
     data = ("{\n " + ",\n ".join(lines) + "\n}\n").encode()
-    if len(data) > MAX_DOCUMENT:  # never write what could not be read
+    if len(data) > MAX_DOCUMENT:  # never write a document that could not be read
         raise InvalidArgumentError(
             f"{kind.FORMAT}: {len(data):,} bytes are more than the {MAX_DOCUMENT:,} allowed"
         )
@@ -113,10 +113,10 @@ def encode_document(document: Document) -> bytes:
 def checksum_of(content: Mapping[str, Any] | Document) -> str:
     """Return the checksum of a document, or of its content: CRC-32, eight hexadecimal digits.
 
-    It is over what the content says and not over how it is spelled, so that a page can make the
+    It is over the values of the content and not over their spelling, so that a page can make the
     same one in JavaScript: a number counts as a double, however it is written, and the keys of an
-    object in the order of their UTF-16. Left out are the checksum itself and who wrote the file.
-    It tells damage and edits by hand; it is no signature, because anybody can make it again.
+    object in the order of their UTF-16. Left out are the checksum itself and who wrote the file. It
+    tells damage and edits by hand; it is no signature, because anybody can make it again.
     """
     items = content if isinstance(content, Mapping) else _written(content)
     sealed = {key: value for key, value in items.items() if key not in ("checksum", "made_by")}
@@ -165,7 +165,7 @@ def _spelled(value: Any) -> Iterator[bytes]:
 
 
 def decode_document(data: bytes, kind: type[_Plain], path: str | Path) -> _Plain:
-    """Return what the bytes declare, or blame the place where they do not."""
+    """Return the document in the bytes, or blame the place where they hold none."""
     try:
         if issubclass(kind, Document):
             _check_header(msgspec.json.decode(data, type=_Header), kind, path)

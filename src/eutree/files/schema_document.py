@@ -12,7 +12,7 @@ import numpy as np
 from eutree.errors import FormatError, InvalidArgumentError, blamed, shown
 from eutree.schema import Control, EnvironmentSpec, Feature, Schema, combined_actions
 
-_MAX_NESTING = 40  # of what others hand in; leaves room for the document around it
+_MAX_NESTING = 40  # of arguments of others; leaves room for the document around it
 
 Index = Annotated[int, msgspec.Meta(ge=0, lt=2**31)]
 
@@ -44,7 +44,7 @@ class ControlDocument(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class SchemaDocument(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
-    """Features and names of actions, in index order; what the actions set, if anything."""
+    """Features and names of actions, in index order; the controls that actions set, if any."""
 
     features: list[FeatureDocument]
     actions: list[str]
@@ -52,7 +52,7 @@ class SchemaDocument(msgspec.Struct, frozen=True, forbid_unknown_fields=True, om
 
 
 class EnvironmentDocument(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What ``gymnasium.make`` needs."""
+    """Id and arguments for ``gymnasium.make``."""
 
     id: str
     arguments: dict[str, Any]

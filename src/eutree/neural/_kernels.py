@@ -1,8 +1,8 @@
 """Compiled loops of small networks: two hidden layers of rectified linear units.
 
 No linear algebra library is called. All sums are taken in an order of their own, so the same seed
-gives the same bytes whatever library, number of threads or width of vectors a machine has, and the
-zeros that a rectifier leaves, more than half of a hidden layer, are skipped.
+gives the same bytes under any library, number of threads or width of vectors, and the zeros that a
+rectifier leaves, more than half of a hidden layer, are skipped.
 
 Weights are 32-bit numbers: learning is limited by memory, and a step needs a direction only. The
 tests run the same loops on 64-bit numbers, where gradients can be held against differences.
@@ -32,7 +32,7 @@ class Network(NamedTuple):
 
 
 class Activations(NamedTuple):
-    """What the layers of a network put out for each row of a batch."""
+    """Outputs of the layers of a network for each row of a batch."""
 
     hidden1: Float32s  # [n, h]
     hidden2: Float32s  # [n, h]
@@ -93,7 +93,7 @@ def add_product(a: Float32s, b: Float32s, out: Float32s) -> None:
 
 @compiled
 def layer(x: Float32s, w: Float32s, b: Float32s, rectified: bool, out: Float32s) -> None:
-    """Write x w + b, and 0 in place of what is negative if it is rectified."""
+    """Write x w + b, and 0 in place of negative entries if it is rectified."""
     for i in range(x.shape[0]):
         # The constants first, the products after: this order is part of the result.
         out[i] = b
@@ -106,7 +106,7 @@ def layer(x: Float32s, w: Float32s, b: Float32s, rectified: bool, out: Float32s)
 
 @compiled
 def forward(network: Network, x: Float32s, at: Activations) -> None:
-    """Write what each layer puts out for the rows of x [n, p]."""
+    """Write the outputs of each layer for the rows of x [n, p]."""
     layer(x, network.w1, network.b1, True, at.hidden1)
     layer(at.hidden1, network.w2, network.b2, True, at.hidden2)
     layer(at.hidden2, network.w3, network.b3, False, at.out)
@@ -114,8 +114,8 @@ def forward(network: Network, x: Float32s, at: Activations) -> None:
 
 @compiled
 def layer_gradient(
-    x: Float32s,  # [n, p] what went in
-    error: Float32s,  # [n, q] derivative of the loss by what came out, before rectifying
+    x: Float32s,  # [n, p] inputs of the layer
+    error: Float32s,  # [n, q] derivative of the loss by its outputs, before rectifying
     of_w: Float32s,  # [p, q] out
     of_b: Float32s,  # [q] out
 ) -> None:
@@ -131,12 +131,12 @@ def layer_gradient(
 
 @compiled
 def passed_back(error: Float32s, w: Float32s, hidden: Float32s) -> Float32s:
-    """Return the derivative of the loss by what a rectified layer took in, [n, h].
+    """Return the derivative of the loss by the inputs of a rectified layer, [n, h].
 
     Args:
-        error: Derivative by what the next layer took in, [n, q].
+        error: Derivative by the sums of the next layer, [n, q].
         w: Weights of the next layer, [h, q].
-        hidden: What the rectified layer put out, [n, h]; it passes nothing back where that is 0.
+        hidden: Outputs of the rectified layer, [n, h]; nothing is passed back where one is 0.
     """
     back = np.zeros_like(hidden)
     add_product(error, np.ascontiguousarray(w.T), back)
@@ -157,7 +157,7 @@ def backward(
     Args:
         network: The network.
         x: Inputs, [n, p].
-        at: What ``forward`` wrote for them.
+        at: Activations that ``forward`` wrote for them.
         error: Derivative of the loss by each output, [n, q].
         gradient: Out, laid out like the network.
     """
@@ -220,7 +220,7 @@ def move_towards(weights: Float32s, goal: Float32s, share: float) -> None:
 
 @compiled
 def room(network: Network, n: int) -> Activations:
-    """Return room for what the layers put out for n rows."""
+    """Return room for the outputs of all layers for n rows."""
     h, q = network.w3.shape
     return Activations(
         np.empty((n, h), network.weights.dtype),
@@ -231,7 +231,7 @@ def room(network: Network, n: int) -> Activations:
 
 @compiled
 def outputs(network: Network, x: Float32s) -> Float32s:
-    """Return what the network puts out for each row of x [n, p], shape [n, q]."""
+    """Return the network's outputs for each row of x [n, p], shape [n, q]."""
     at = room(network, x.shape[0])
     forward(network, x, at)
     return at.out
@@ -244,7 +244,7 @@ class StretchRows(NamedTuple):
     actions: Integers  # [N] a
     earned: Float32s  # [N] discounted sum of the rewards of the stretch
     later: Float32s  # [N, d] observation at its end, scaled
-    discounts: Float32s  # [N] what the value there counts: gamma^n, or 0 where the task ended
+    discounts: Float32s  # [N] weight of the value there: gamma^n, or 0 where the task ended
     allowed: Booleans  # [N, A] which actions are allowed there
 
 
@@ -260,7 +260,7 @@ class Learning(NamedTuple):
 
 
 class Rates(NamedTuple):
-    """How fast what moves, and what is cut."""
+    """Rates at which weights move, and limits of errors and gradients."""
 
     target: float  # share of the way that the target moves to the online weights
     average: float  # the same of the average
@@ -362,7 +362,7 @@ def update(
             for k in range(m):
                 value = at_target.out[i, chosen[i] * m + k]
                 goals[i, k] = experience.earned[row] + experience.discounts[row] * value
-        # Last of the forward passes, for ``backward`` needs what the layers put out for x.
+        # Last of the forward passes, for ``backward`` needs the outputs of the layers for x.
         forward(learning.online, x, at)
         # Only the action that was taken has a target.
         error[:] = 0

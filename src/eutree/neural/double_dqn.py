@@ -1,11 +1,11 @@
 """Double DQN with demonstrations in its replay: a small network that learns to control first.
 
-Q(o, a) is a network of two hidden layers. Every step is kept and learned from again and again: Q
-of the action taken moves towards the rewards of the next n steps and the value of where they led,
-as the target network sees it (van Hasselt, Guez and Silver 2016; n-step returns as in Hessel et al.
+Q(o, a) is a network of two hidden layers. Every step is kept and learned from again and again: Q of
+the action taken moves towards the rewards of the next n steps and the value of where they led, as
+the target network sees it (van Hasselt, Guez and Silver 2016; n-step returns as in Hessel et al.
 2018). An action may have several outputs, the quantiles of its return (Dabney et al. 2018), and its
-value is their mean. The target follows softly (Lillicrap et al. 2016). What is handed on is a slow
-average of the weights (Polyak and Juditsky 1992), which acts more evenly than the last ones do.
+value is their mean. The target follows softly (Lillicrap et al. 2016). The network handed on is a
+slow average of the weights (Polyak and Juditsky 1992), which acts more evenly than the last ones.
 """
 
 from collections.abc import Mapping, Sequence
@@ -21,7 +21,7 @@ from eutree.neural import _kernels
 from eutree.neural._kernels import Learning, Network, Rates, StretchRows
 from eutree.validation import check_integer, check_number
 
-FAR = 10.0  # in spreads: what is farther from the mean looks alike
+FAR = 10.0  # in spreads: numbers farther from the mean look alike
 FLOOR = 0.05  # of the range: least spread of a feature
 
 
@@ -68,7 +68,7 @@ def copied(network: Network) -> Network:
 
 
 def outputs(network: Network, x: Float32s) -> Floats:
-    """Return what the network puts out for each row of x [N, p], shape [N, q]."""
+    """Return the network's outputs for each row of x [N, p], shape [N, q]."""
     return _kernels.outputs(network, np.ascontiguousarray(x)).astype(np.float64)
 
 
@@ -78,7 +78,7 @@ class Scaling:
 
     Attributes:
         mean: Mean of each feature.
-        spread: What counts as a distance of 1.
+        spread: Distance that counts 1, of each feature.
     """
 
     mean: Floats  # [d]
@@ -102,7 +102,7 @@ class Scaling:
         return scaled.astype(np.float32)
 
 
-LARGEST_RETURN = 10.0  # what the largest discounted return of the demonstrations is scaled to
+LARGEST_RETURN = 10.0  # scaled size of the largest discounted return of the demonstrations
 CHUNK = 256  # updates between two chances to interrupt, about a third of a second
 SLOWEST = 0.1  # share of the rate that is left at the end
 
@@ -154,7 +154,7 @@ class DoubleDQN:
         settings: How it learns.
         scaling: Of the observations.
         n_actions: Number of actions A.
-        reward_scale: What a reward is multiplied by, so that returns are of the size of ten.
+        reward_scale: Factor of rewards, so that returns are of the size of ten.
         updates: Updates that are planned; the rate falls over them.
         generator: Source of the first weights.
 
@@ -302,7 +302,7 @@ class DoubleDQN:
         }
 
     def restore(self, state: Mapping[str, Float32s | Integers]) -> None:
-        """Take over what ``state`` returned."""
+        """Take over the arrays of ``state``."""
         of = self._learning
         for name in ("online", "target", "average"):
             weights = np.asarray(state[name], dtype=np.float32)
@@ -318,7 +318,7 @@ class Stretches:
     Attributes:
         earned: Discounted sum of their rewards.
         end: Number of the observation they end at; the last one where the episode is shorter.
-        discounts: What the value there counts; 0 where the task ended.
+        discounts: Weight of the value there; 0 where the task ended.
     """
 
     earned: Floats  # [T]

@@ -1,4 +1,4 @@
-"""What decides: policies with SB3's ``predict``."""
+"""Policies with SB3's ``predict``."""
 
 from eutree.policies.leaf_statistics import LeafStatistics
 from eutree.policies.tree_policy import Policy, TreePolicy

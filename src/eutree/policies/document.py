@@ -182,7 +182,7 @@ def policy_parts(document: PolicyDocument, path: str | Path) -> PolicyParts:
 
 
 def check_unchanged(document: PolicyDocument, path: str | Path) -> None:
-    """Raise FormatError unless the content is what its checksum is of.
+    """Raise FormatError unless the content has the checksum in the file.
 
     Files of version 1 have none.
     """

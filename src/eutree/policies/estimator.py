@@ -27,9 +27,9 @@ def _counts_are_known(estimator: "TreePolicyClassifier") -> bool:
 class TreePolicyClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # sklearn has no types
     """A finished policy where scikit-learn wants a classifier: pipelines, scores, inspection.
 
-    The tree is never changed: ``fit`` only checks what it is given, so that ``cross_val_score``
-    scores the same policy on each part. Numbers are compared in float64 and NaN takes the "no"
-    branch, as in the policy.
+    The tree is never changed: ``fit`` only checks its arguments, so that ``cross_val_score`` scores
+    the same policy on each part. Numbers are compared in float64 and NaN takes the "no" branch, as
+    in the policy.
 
     Args:
         policy: The policy; its features are the columns, history included.
@@ -81,7 +81,7 @@ class TreePolicyClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc
             y: Classes, shape [N].
 
         Raises:
-            InvalidArgumentError: ``y`` holds what is no action of the policy.
+            InvalidArgumentError: ``y`` holds a value that is no action of the policy.
         """
         if X is not None:
             self._rows(X)

@@ -1,4 +1,4 @@
-"""What was known of each leaf when a policy was frozen."""
+"""Statistics of each leaf from when a policy was frozen."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -13,7 +13,7 @@ from eutree.trees import DecisionTree
 
 @dataclass(frozen=True, eq=False)
 class LeafStatistics:
-    """What was known of each leaf when the policy was frozen.
+    """Visits, values and errors of each leaf when the policy was frozen.
 
     Attributes:
         visits: Transitions that left each leaf, per action.
@@ -33,7 +33,7 @@ class LeafStatistics:
 
     @property
     def meaning(self) -> str:
-        """What a value is, in words; where each leaf has tried one action it is no Q."""
+        """The meaning of a value, in words; where each leaf has tried one action it is no Q."""
         if self.compares_actions:
             return "a value is the return expected after an action: Q, or the mean of what followed"
         return "a value is the mean return that followed; each leaf tried one action: no Q"
@@ -103,7 +103,7 @@ def orders_of(
         tree: The tree.
         actions: Action of each leaf, shape [L].
         n_actions: Number of actions A.
-        leaves: What is known of the leaves.
+        leaves: Statistics of the leaves; None if there are none.
     """
     counts = tree.totals(np.eye(n_actions, dtype=np.int64)[actions])  # leaves of each action
     orders = np.empty((tree.n_leaves, n_actions), dtype=np.int64)

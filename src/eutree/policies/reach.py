@@ -14,7 +14,7 @@ from eutree.trees.edit import holding, reachable
 def within_reach(policy: TreePolicy, low: Floats, high: Floats) -> TreePolicy:
     """Return the policy without tests beyond a box; the same one where there are none.
 
-    What a learner cuts in a model of the world may lie where nothing of the world does.
+    A cut made in a model of the world may lie beyond all observations of the world.
 
     Args:
         policy: The policy.
@@ -33,9 +33,9 @@ def within_reach(policy: TreePolicy, low: Floats, high: Floats) -> TreePolicy:
 def within_kinds(policy: TreePolicy) -> TreePolicy:
     """Return the policy without tests that the kinds of features answer; the same one if none.
 
-    What the tests above say may leave one answer only: below ``mode is A`` no ``mode is B`` is
-    true. So every observation that the kinds allow gets its leaf, and each leaf has some. Locked
-    leaves stay, whether any observation reaches them or not.
+    The tests above may leave one answer only: below ``mode is A`` no ``mode is B`` is true. So
+    every observation that the kinds allow gets its leaf, and each leaf has some. Locked leaves
+    stay, whether any observation reaches them or not.
     """
     held = holding(policy.tree, policy.locked)
     return _reached(policy, held | possible_nodes(policy.tree, policy.schema))
@@ -59,9 +59,9 @@ def _reached(policy: TreePolicy, reached: Booleans) -> TreePolicy:
 
 
 def among_allowed(policy: TreePolicy, observations: Floats, allowed: Booleans) -> TreePolicy:
-    """Return a policy none of whose leaves names what was never allowed where it decided.
+    """Return a policy whose leaves name no action that was never allowed where they decided.
 
-    Such a leaf names the first action of its order that was; nothing that it does is another.
+    Such a leaf names the first action of its order that was; its decisions stay the same.
 
     Args:
         policy: The policy.

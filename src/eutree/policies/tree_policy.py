@@ -1,4 +1,4 @@
-"""A frozen tree with one action a leaf: what learning produces and everything else consumes.
+"""A frozen tree with one action a leaf: learning produces it and everything else consumes it.
 
 A policy does not know its environment, so the entries of a dict that it observes are found by the
 names that ``eutree.interaction.describe`` gives them: ``"speed"``, ``"lidar.x0"``, ``"arm.angle"``.
@@ -36,9 +36,8 @@ def rows_of(observation: Any, names: Sequence[str]) -> Floats:
     """Return one observation as a vector [d], or a batch as a matrix [E, d].
 
     Args:
-        observation: Numbers of shape [d] or [E, d]; one number where d is 1; or what an environment
-            with a ``Dict`` or ``Tuple`` space observes, or a batch of that, whose leaves have E
-            rows.
+        observation: Numbers of shape [d] or [E, d]; one number where d is 1; or an observation of a
+            ``Dict`` or ``Tuple`` space, or a batch of it, whose leaves have E rows.
         names: Names of the d features of one observation.
 
     Raises:
@@ -213,7 +212,7 @@ class TreePolicy(Displayed):
 
     @cached_property
     def _observed(self) -> Schema:
-        """What one observation holds, derived features included."""
+        """The schema of one observation, derived features included."""
         return replace(self.schema, features=self.schema.features[: self.observation_size])
 
     @cached_property
@@ -222,7 +221,7 @@ class TreePolicy(Displayed):
         known = Derivation.of(self._observed)
         if known.n_measured + len(known.formulas) == self.observation_size:
             return known
-        return Derivation(self.observation_size)  # whoever hands in the past has derived it
+        return Derivation(self.observation_size)  # callers that hand in the past have derived it
 
     @cached_property
     def _action_list(self) -> list[int]:
@@ -234,7 +233,7 @@ class TreePolicy(Displayed):
 
         Raises:
             InvalidArgumentError: The policy holds an infinite value, which no file may hold.
-            FileError: The file cannot be written; what was there before is intact.
+            FileError: The file cannot be written; the file that was there before is intact.
         """
         write_bytes(path, self.to_bytes())
 
@@ -267,7 +266,7 @@ class TreePolicy(Displayed):
         document = decode_document(data, PolicyDocument, path)
         with blamed(path):
             policy = cls(**policy_parts(document, path))
-        if not hand_edited:  # last: a message about what is wrong in a file says more
+        if not hand_edited:  # last: a message about a fault in a file says more
             check_unchanged(document, path)
         return policy
 
@@ -317,7 +316,7 @@ class TreePolicy(Displayed):
             observation: One observation, shape [d], or a batch, shape [E, d]; or the environment's
                 own, a dict or a tuple, if its entries have the names of the policy's schema. Where
                 features are derived, the m that are measured are enough, shape [m] or [E, m].
-            state: What the last call returned, for a policy that sees the past or derives a
+            state: State that the last call returned, for a policy that sees the past or derives a
                 feature of ``last`` values; None at the start of an episode. Others ignore it.
             episode_start: Whether each observation is the first of its episode, shape [E].
             deterministic: Ignored: a tree always decides the same.
@@ -346,7 +345,7 @@ class TreePolicy(Displayed):
     def predict_values(
         self, observation: Any, state: Floats | None = None, episode_start: ArrayLike | None = None
     ) -> tuple[Floats, Floats | None]:
-        """Return what the actions for observations set the schema's K controls to.
+        """Return the levels to which the actions for observations set the schema's K controls.
 
         Args:
             observation: As in ``predict``, shape [d] or [E, d].

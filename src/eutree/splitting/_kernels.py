@@ -28,7 +28,7 @@ SMALLEST_STRIP = 4
 
 
 class Ordered(NamedTuple):
-    """The tuples in the order of an attribute, and what is asked of a cut."""
+    """The tuples in the order of an attribute, and the conditions of a cut."""
 
     rank: Int32s  # [n]
     legal: Booleans  # [n] legal[i]: a threshold separates the first i tuples from the rest
@@ -239,7 +239,7 @@ def search_strips(
     floor: float,
     block: int,
 ) -> tuple[int, float, float]:
-    """Search strips of rows against blocks of columns, dropping what bounds exclude.
+    """Search strips of rows against blocks of columns, dropping those that bounds exclude.
 
     Invariant at row a: ``reached[k]`` consumed tuples have a rank up to the end of block k,
     ``inside[k]`` of them lie in it (0 if it is a single column) and ``consumed[v]`` in column v.
@@ -411,7 +411,7 @@ def search_cell(
     n, width = rank.size, consumed.size
     rows, limit = float(n), harmless(score, n, a + 1, b, distance)
     high, low = extremes(consumed, cumulative, before, rows, float(a))
-    # What the whole strip can add does not reach the limit: nothing to look for.
+    # The gain of the whole strip does not reach the limit: nothing to look for.
     if high + hc * (rows - Cl) <= limit and (float(b - a) - mx) * Ch - low <= limit:
         return best, width
     work = width + b - a

@@ -21,8 +21,8 @@ def sorted_labels(
     """Return the labels in the order of the column (in ``keys`` or ``spare``).
 
     A key is a coarse, monotone image of the value above the label. Radix sorting the images and
-    then repairing the few neighbours with equal images is exact, whatever the image loses; where
-    it loses too much (far outliers) the values themselves are radix sorted.
+    then repairing the few neighbours with equal images is exact, however much the image loses;
+    where it loses too much (far outliers) the values themselves are radix sorted.
     """
     n = column.size
     # Two passes of 8 bits for small samples: 2^11 counters would cost more than they sort.
@@ -84,7 +84,7 @@ def repaired(order: Integers, column: Floats, entry: Integers, differs: Booleans
     n = order.size
     # Insertion is quadratic in a run; beyond this the exact sort costs less.
     budget = 4 * n
-    known, before = -1, 0.0  # the value at place ``known``: loads are what long runs of ties cost
+    known, before = -1, 0.0  # the value at place ``known``: loads are the cost of long runs of ties
     differs[0] = False
     for i in range(1, n):
         key, k = order[i], i

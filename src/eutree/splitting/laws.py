@@ -52,9 +52,9 @@ def kolmogorov_tail(x: float) -> float:
 
 
 # Under the null hypothesis the maximum of K over the cuts of one attribute is a rank statistic:
-# with no ties it has one distribution for each number n of tuples, whatever the returns look
-# like. The table comes from ``benchmarks/maximal_ks_table.py``. Values are interpolated linearly
-# in log n; between tabulated tail probabilities log p is linear in K^2. Beyond the smallest one,
+# with no ties it has one distribution for each number n of tuples, for returns of any distribution.
+# The table comes from ``benchmarks/maximal_ks_table.py``. Values are interpolated linearly in log
+# n; between tabulated tail probabilities log p is linear in K^2. Beyond the smallest one,
 #
 #     p(K) = p0 * (K / K0)^2 * exp(-2 (K^2 - K0^2)),
 #

@@ -151,13 +151,13 @@ class KolmogorovSmirnov:
                 yield int(action), rows
 
     def value(self, split: Split) -> float:
-        """Return what ``best`` maximises: K, D or K / c(n), according to ``score``."""
+        """Return the number that ``best`` maximises: K, D or K / c(n), according to ``score``."""
         if self.score == "distance":
             return split.statistic
         return split.scaled_statistic / self.unit(split.n_left + split.n_right)
 
     def unit(self, n: int) -> float:
-        """Return what K of a sample of ``n`` tuples is divided by: c(n) if calibrated, else 1."""
+        """Return the divisor of K for a sample of ``n`` tuples: c(n) if calibrated, else 1."""
         if self.score != "calibrated":
             return 1.0
         return critical_value(n, CALIBRATION_LEVEL, min_side=self.min_side(n))

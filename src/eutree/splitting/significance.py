@@ -18,16 +18,16 @@ from eutree.splitting.laws import maximal_p, naive_p
 from eutree.splitting.search import KolmogorovSmirnov, LeafSample, Split
 from eutree.validation import check_integer, check_number
 
-# If the returns of an action do not depend on the observations, every assignment of its returns
-# to its tuples is equally likely. One draw permutes the returns within each action and searches
-# all actions, attributes and cuts again, so the p-value is already family-wise over all of them
+# If the returns of an action do not depend on the observations, every assignment of its returns to
+# its tuples is equally likely. One draw permutes the returns within each action and searches all
+# actions, attributes and cuts again, so the p-value is already family-wise over all of them
 # (Westfall and Young). Where returns are clustered, the returns of a whole episode take the place
-# of another's, stretched to its length and rotated in time: the dependence inside an episode
-# stays. Laid end to end instead, episodes of different lengths would mix, and clusters would pass
-# for structure. Only episodes of similar length change places: where a few long episodes have
-# returns of a larger spread, short ones that took these would hide, in every draw, what the long
-# ones did by chance. Without the rotation the returns of episodes of one length would stay where
-# they were in time, and so beside observations that tell it.
+# of another's, stretched to its length and rotated in time: the dependence inside an episode stays.
+# Laid end to end instead, episodes of different lengths would mix, and clusters would pass for
+# structure. Only episodes of similar length change places: where a few long episodes have returns
+# of a larger spread, short ones that took these would hide, in every draw, the chance effects of
+# the long ones. Without the rotation the returns of episodes of one length would stay where they
+# were in time, and so beside observations that tell it.
 
 
 MOST_TIMES = 2  # as long as the shortest of its class is an episode at most
@@ -133,7 +133,7 @@ def similar(lengths: Integers) -> Integers:
 
 @dataclass(frozen=True, eq=False)
 class _Group:
-    """What stays the same between the draws of one tested sample."""
+    """The constants between the draws of one tested sample."""
 
     order: Integers  # [d, n] rows in the order of each attribute
     legal: Booleans  # [d, n] as in _kernels.best_cut

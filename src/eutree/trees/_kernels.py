@@ -49,7 +49,7 @@ def locate(
     """Write the leaf of each observation to ``out``.
 
     A block of observations goes down ``rounds`` levels together, without a branch that the
-    processor could guess wrong: whoever is at a leaf stays there. Then each walks on by itself,
+    processor could guess wrong: an observation at a leaf stays there. Then each walks on by itself,
     as few do. Node numbers are unsigned, so no index has to be checked for its sign.
     """
     n = observations.shape[0]

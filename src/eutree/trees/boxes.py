@@ -143,7 +143,7 @@ def possible_nodes(tree: DecisionTree, schema: Schema) -> Booleans:
     """Return which nodes some observation of a schema reaches, by the kinds alone, shape [M].
 
     A flag is 0 or 1, a category is one of its codes, an integer is whole, of a one-hot group
-    exactly one feature is 1. The bounds of quantities and integers are not asked: what comes may
+    exactly one feature is 1. The bounds of quantities and integers are not asked: observations may
     lie beyond them.
     """
     features = schema.features
@@ -192,7 +192,7 @@ def disagreement(
     box: tuple[Floats, Floats],  # [d] each
     schema: Schema,
 ) -> float:
-    """Return the exact share of what is possible in a closed box on which two trees disagree.
+    """Return the exact share of the possible points in a closed box on which two trees disagree.
 
     A feature of which the box has one value only does not count as a dimension of it.
 

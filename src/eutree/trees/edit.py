@@ -1,4 +1,4 @@
-"""Build a labelled tree node by node: what all that edits decision trees has in common."""
+"""Build a labelled tree node by node: the base of all that edits decision trees."""
 
 from collections.abc import Iterable, Mapping
 

@@ -192,7 +192,7 @@ def whole(feature: Feature, low: float, high: float) -> str:
 
 
 def choice(name: str, categories: Sequence[str], *, others: Sequence[str]) -> str:
-    """Return which categories of a choice are meant: those, or what they are not if that is less.
+    """Return the condition on a choice: its categories, or "is not" the others if these are fewer.
 
     >>> choice("phase", "BD", others="AC"), choice("phase", "ABC", others="D")
     ('phase is B,D', 'phase is not D')
@@ -224,7 +224,7 @@ def labelled(feature: Feature) -> str:
 
 
 def meaning(feature: Feature) -> str:
-    """Return what the numbers of a category stand for, to follow its bounds; else nothing."""
+    """Return the names of a category's numbers, to follow its bounds; else nothing."""
     if feature.group:
         return f", one of {printable(feature.group)}"
     codes = (f"{feature.low + k:.0f} {printable(c)}" for k, c in enumerate(feature.categories))
@@ -238,9 +238,9 @@ class Syntax:
     Attributes:
         opening: The first test of a chain, of the given node.
         chained: A further test of a chain, of the given node.
-        otherwise: What stands before the last branch of a chain.
-        closing: What ends a chain; empty where the indentation does.
-        leaf: What is done at a leaf (or at a node that is cut off), of the given node.
+        otherwise: The line before the last branch of a chain.
+        closing: The line that ends a chain; empty where the indentation does.
+        leaf: The action at a leaf (or at a node that is cut off), of the given node.
     """
 
     opening: Callable[[int], str]
@@ -293,7 +293,7 @@ def rules(tree: DecisionTree, schema: Schema, leaves: Sequence[str], *, exact: b
     Args:
         tree: The tree.
         schema: Names and units of its features.
-        leaves: What to write at each leaf.
+        leaves: Text of each leaf.
         exact: Whether thresholds have all their digits, in place of those that a reader needs.
     """
     digits = None if exact else Digits(schema, tree)

@@ -201,8 +201,8 @@ class DecisionTree:
     def split_each(self, cuts: Sequence[tuple[int, int, float]]) -> "DecisionTree":
         """Return the tree after one ``split(leaf, feature, threshold)`` after another.
 
-        What the cuts leave as it is, is copied instead of checked and derived again, and the lists
-        of ``leaf_of`` go over to the new tree: a learner's thousands of leaves grow by a few at a
+        Nodes that no cut changes are copied instead of checked and derived again, and the lists of
+        ``leaf_of`` go over to the new tree: a learner's thousands of leaves grow by a few at a
         time.
         """
         for i, (leaf, feature, threshold) in enumerate(cuts):

@@ -25,7 +25,7 @@ _HOME = Path(__file__).parent
 
 @dataclass(frozen=True, kw_only=True)
 class Card:
-    """What is known of a tree of the zoo.
+    """The record of a tree of the zoo.
 
     Attributes:
         task: Id of its environment.
@@ -38,13 +38,13 @@ class Card:
         episodes: Fresh episodes that were played.
         steps: Environment steps that it was learned in, everything counted.
         seed: Seed of its run.
-        command: What learned it.
+        command: The command that learned it.
         commit: With which sources.
         date: When, as YYYY-MM-DD.
-        extra: What has to be installed to play it, such as ``gymnasium[box2d]``; may be empty.
-        module: What registers its environment where the package does not, for ``--import``: a
-            module of the repository; may be empty.
-        proven: What ``eutree prove`` says of it; None where nothing is proven.
+        extra: Package to install to play it, such as ``gymnasium[box2d]``; may be empty.
+        module: Module that registers its environment where the package does not, for ``--import``:
+            a module of the repository; may be empty.
+        proven: Sentence of ``eutree prove`` on it; None where nothing is proven.
         file: Its file in the zoo.
     """
 
