@@ -13,8 +13,8 @@ _said: set[str] = set()
 def main() -> None:
     """Run the command line; SIGTERM ends it as Ctrl-C does, from first import to last write.
 
-    Their exit codes are 143 and 130. Commands that can save what they did take over both signals
-    while they work.
+    Their exit codes are 143 and 130. Commands that can save their work take over both signals until
+    it is saved.
     """
     signal.signal(signal.SIGTERM, _interrupt)
     warnings.formatwarning = _in_one_line

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Float32s = NDArray[np.float32]
 Integers = NDArray[np.int64]
-Int16s = NDArray[np.int16]  # of what is read in random order: small ones stay in the cache
+Int16s = NDArray[np.int16]  # read in random order: small ones stay in the cache
 Int32s = NDArray[np.int32]
 Uint32s = NDArray[np.uint32]
 Unsigned = NDArray[np.uint64]

@@ -4,11 +4,11 @@ Kernels live in files named ``_kernels.py``. Compiled code is cached on disk, us
 (it would change the order of sums and the meaning of NaN) and no threads. Where no folder for the
 cache can be written, as in a container with everything read-only, each process compiles again.
 
-Compiling takes a second for each of a hundred kernels, which is what the first command after an
-installation waits for. So a kernel that is marked by ``compiled_later`` runs as plain Python, with
-equal results, until it has taken about as long as compiling it would. ``EUTREE_JIT=0`` in the
-environment compiles nothing at all, ``EUTREE_JIT=1`` every kernel at its first call. What is being
-compiled is logged by the logger ``eutree.compiled``.
+Compiling takes a second for each of a hundred kernels, and the first command after an installation
+waits for it. So a kernel that is marked by ``compiled_later`` runs as plain Python, with equal
+results, until it has taken about as long as compiling it would. ``EUTREE_JIT=0`` in the environment
+compiles nothing at all, ``EUTREE_JIT=1`` every kernel at its first call. The logger
+``eutree.compiled`` names each kernel that is being compiled.
 """
 
 import logging
@@ -35,7 +35,7 @@ if ENABLED:
     from numba.core import caching
 
     class _Cache(caching.FunctionCache):  # type: ignore[misc]  # numba has no types
-        """Numba's cache on disk, without its failure on what another version left behind.
+        """Numba's cache on disk, without its failure on the files of another version.
 
         The index of a kernel's cache names the classes of its arguments. Numba reads it before it
         looks whether the index is out of date, so a class that has been renamed stops the call.
@@ -61,7 +61,7 @@ if ENABLED:
 
         @property
         def is_empty(self) -> bool:
-            """Whether nothing is kept of this kernel, for whatever types."""
+            """Whether nothing is kept of this kernel, for any types."""
             try:
                 return not self._cache_file._load_index()
             except (*_OF_ANOTHER_VERSION, OSError):
@@ -103,7 +103,7 @@ if ENABLED:
         return isinstance(value, numba.core.dispatcher.Dispatcher)
 
     class _FirstCalls:
-        """What a kernel does when it is called with types that it is not compiled for.
+        """The calls of a kernel with types that it is not compiled for.
 
         Numba asks for something to call, and calls that.
         """
@@ -116,7 +116,7 @@ if ENABLED:
             self._plain: Callable[..., Any] | None = None
 
         def __call__(self, *arguments: Any, **named: Any) -> Any:
-            """Return what is to be called: machine code, or plain Python."""
+            """Return the function to be called: machine code, or plain Python."""
             waits = self._taken < PATIENCE and not AT_ONCE
             if waits and _elements(arguments) < LARGE and self._is_cold():
                 return self._interpreted
@@ -140,10 +140,10 @@ if ENABLED:
                 self._taken += time.thread_time() - begin
 
     class _OneWidth:
-        """What a kernel is compiled for when another calls it: integers of 64 bits.
+        """The types of a kernel when another calls it: integers have 64 bits.
 
         Numba would compile it once more for each literal and each width of an integer argument,
-        and compiling is most of what a first run waits for. The caller casts, which loses nothing.
+        and compiling is most of the wait of a first run. The caller casts, which loses nothing.
         """
 
         def __init__(self, template: Callable[..., Any]) -> None:
@@ -200,7 +200,7 @@ def compiled_later(function: _Function) -> _Function:
 
 
 def compiled_uncounted(function: _Function) -> _Function:
-    """Compile what only kernels call, and what makes no array and no view of one.
+    """Compile a function that only kernels call and that makes no array and no view of one.
 
     Numba counts who holds each array: two atomic additions for each of the dozens in a few named
     tuples, whenever one of them is taken apart. Here it does not: the kernel that calls holds all
@@ -230,7 +230,7 @@ def _compiled(function: _Function, *, counts: bool, later: bool = False) -> _Fun
     if later:
         dispatcher._compile_for_args = _FirstCalls(dispatcher)
     try:
-        dispatcher._cache = _Cache(function)  # what njit(cache=True) does, with our cache
+        dispatcher._cache = _Cache(function)  # as njit(cache=True) does, with our cache
     except RuntimeError:  # neither the package's folder nor the user's can be written
         _say_that_nothing_is_kept("neither the package's folder nor the home can be written")
     kernel: _Function = dispatcher

@@ -58,8 +58,8 @@ def usual_width(low: float, high: float, values: Iterable[float]) -> float:
     """Return over how wide a range the digits of a quantity's values matter.
 
     That is the range between its bounds, or ten times the largest of the values where this is
-    less: where a speed may be 10 m/s and never is 0.3, hundredths matter. What is called 0 by the
-    bounds, or by ``_TINY`` without any, has no digits that matter.
+    less: where a speed may be 10 m/s and never is 0.3, hundredths matter. A range that the bounds,
+    or ``_TINY`` without any, call 0 has no digits that matter.
 
     Args:
         low: Its lower bound, or -inf.
@@ -94,8 +94,8 @@ def told_apart(values: Iterable[float], width: float, *, down: bool = False) -> 
     Args:
         values: The values.
         width: The range over which their digits matter, see ``usual_width``.
-        down: Whether a number shown is at most the value, but for a millionth of the range: what
-            is "at most 8.257" is shown as at most 8.25, which it is.
+        down: Whether a number shown is at most the value, but for a millionth of the range: "at
+            most 8.257" is shown as "at most 8.25", which is true.
 
     >>> told_apart([8.2578, 8.2581, 20.0], width=20.0)
     {8.2578: '8.2578', 8.2581: '8.2581', 20.0: '20'}

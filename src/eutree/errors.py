@@ -1,10 +1,10 @@
 """Every error that eutree raises on purpose.
 
     EutreeError
-    ├── InvalidArgumentError (also ValueError)   an argument is not what it must be
+    ├── InvalidArgumentError (also ValueError)   an argument has a wrong type or value
     │   ├── UnknownNameError                     a name is not among the known ones
     │   └── UnsupportedSpaceError                an environment's space cannot be learned on
-    ├── FormatError (also ValueError)            a file is not what it claims to be
+    ├── FormatError (also ValueError)            a file breaks its format
     ├── FileError (also OSError)                 a file cannot be read or written
     ├── EnvironmentFault (also RuntimeError)     an environment broke its contract
     ├── RunFolderError (also RuntimeError)       a run folder is locked, missing or in the way
@@ -32,17 +32,17 @@ class EutreeError(Exception):
 
 
 class InvalidArgumentError(EutreeError, ValueError):
-    """An argument is not what it must be; the message says which, what it must be, what it was."""
+    """An argument has a wrong type or value; the message says which, and which are allowed."""
 
 
 class UnknownNameError(InvalidArgumentError):
     """A name is not among the known ones.
 
     Args:
-        kind: What is named, for example ``"environment"``.
+        kind: The kind of thing named, for example ``"environment"``.
         name: The unknown name.
         known: The names that would have been right.
-        hint: What else may be done.
+        hint: Another way out.
     """
 
     def __init__(self, kind: str, name: str, known: Iterable[str], *, hint: str = "") -> None:
@@ -59,12 +59,12 @@ class UnsupportedSpaceError(InvalidArgumentError):
 
 
 class FormatError(EutreeError, ValueError):
-    """A file is not what it claims to be.
+    """A file breaks its format.
 
     Args:
         path: The file.
         place: Where in the file, for example ``"nodes[3].threshold"``; empty for the whole file.
-        reason: What is wrong there.
+        reason: The fault there.
     """
 
     def __init__(self, path: str | Path, place: str, reason: str) -> None:
@@ -97,9 +97,9 @@ class FileError(EutreeError, OSError):
     """A file or folder cannot be read or written: missing, no permission, disk full.
 
     Args:
-        action: What was tried, for example ``"write"``.
+        action: The verb, for example ``"write"``.
         path: The file or folder.
-        reason: Why it failed, and what to do where that is known.
+        reason: Why it failed, and the remedy if it is known.
     """
 
     def __init__(self, action: str, path: str | Path, reason: str) -> None:
@@ -114,7 +114,7 @@ class EnvironmentFault(EutreeError, RuntimeError):  # noqa: N818 - a fault of th
         environment: Id of the environment.
         episode: Number of the episode, from 0.
         step: Number of the step within the episode, from 0; -1 during ``reset``.
-        reason: What was wrong, with the offending value.
+        reason: The fault, with the offending value.
     """
 
     def __init__(self, environment: str, episode: int, step: int, reason: str) -> None:

@@ -1,13 +1,13 @@
-"""What a tree sees: the present observation, what is derived of it, and some of the past.
+"""The features of a tree: the present observation, formulas of it, and some of the past.
 
     features of step t = o_t, o_{t-1}, ..., o_{t-H}, onehot(a_{t-1}), ..., onehot(a_{t-K})
 
-the latest first. What one observation does not show, a direction of movement for example, a few of
+the latest first. If one observation does not show it, a direction of movement for example, a few of
 its predecessors do; McCallum's U-Tree (1996) tests previous actions too. Before the first step the
 observations repeat the first one, and no action was taken: all its entries are 0.
 
 This is the one place in which the past is stacked: for the environment at the border, for recorded
-episodes, and for policies, which keep a ``FeatureMap`` so that an export can say what it is fed.
+episodes, and for policies, which keep a ``FeatureMap`` so that an export can name its inputs.
 """
 
 from dataclasses import dataclass
@@ -65,8 +65,8 @@ class Derivation:
         """Return observations with their derived features, shape [..., d].
 
         Args:
-            measured: What is measured, shape [..., m].
-            before: What this returned one step before; None at the first step of an episode.
+            measured: The measured features, shape [..., m].
+            before: The rows of one step before; None at the first step of an episode.
         """
         columns = [measured[..., j] for j in range(self.n_measured)]
         for formula in self.formulas:
@@ -76,11 +76,11 @@ class Derivation:
         return np.stack(columns, axis=-1)
 
     def after(self, measured: Floats, state: Floats | None, starts: ArrayLike | None) -> Floats:
-        """Return observations [..., d] of what is measured, after what a state remembers.
+        """Return observations [..., d] of the measured features, after those in a state.
 
         Args:
             measured: Shape [..., m].
-            state: What begins with the observations of one step before; None at the first step.
+            state: Begins with the observations of one step before; None at the first step.
             starts: Whether each observation is the first of its episode; None for none.
         """
         fresh = self.rows(measured)
@@ -157,7 +157,7 @@ class FeatureMap:
         return np.concatenate([observation, seen, latest, taken], axis=-1)
 
     def after(self, state: Floats | None, observation: Floats, starts: ArrayLike | None) -> Floats:
-        """Return the features of observations [..., d] after what a state remembers.
+        """Return the features of observations [..., d], after those in a state.
 
         Args:
             state: The features of the step before, and the action that followed them if actions

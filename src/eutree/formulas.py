@@ -53,7 +53,7 @@ class Formula:
     Attributes:
         kind: ``"number"``, ``"feature"``, ``"last"``, ``"negative"``, or the operation's own sign
             or word; ``"if"`` has the condition, the formula if it holds, and the other one.
-        parts: What the operation is of.
+        parts: Operands of the operation.
         value: The number.
         index: Which feature it is, or is the last value of.
     """

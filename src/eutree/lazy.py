@@ -12,7 +12,7 @@ def lazily(
 
     Args:
         package: Its name, as ``__name__``.
-        homes: Modules by name, and what each offers, in words apart: ``{"a.b": "One Two"}``.
+        homes: Names that each module offers, with spaces between: ``{"a.b": "One Two"}``.
         modules: Modules that are offered themselves, by their last names.
     """
     whole = {module.rpartition(".")[2]: module for module in modules}

@@ -1,9 +1,9 @@
 """Many independent calls at once: in processes of this machine, or on a Dask or Ray cluster.
 
 joblib runs them, here by default; ``joblib.parallel_config(backend="dask")`` sends them elsewhere.
-What is called depends on its argument alone and results come back in order, so the bytes of what
-is made from them are the same for any number of processes, on any machines of one type. Warnings
-of other processes are given by this one, each once.
+A call depends on its argument alone and results come back in order, so the bytes of everything made
+from them are the same for any number of processes, on any machines of one type. Warnings of other
+processes are given by this one, each once.
 """
 
 import os
@@ -28,7 +28,7 @@ Result = TypeVar("Result")
 
 @dataclass(frozen=True)
 class Workers:
-    """What many independent calls are spread over.
+    """The processes that independent calls are spread over.
 
     Args:
         n_jobs: Processes, as joblib counts them: -1 for as many as there are cores. None is 1,
@@ -56,7 +56,7 @@ class Workers:
     def map(
         self, function: Callable[[Argument], Result], arguments: Sequence[Argument]
     ) -> list[Result]:
-        """Return what ``function`` returns for each argument, in their order.
+        """Return the results of ``function`` for all arguments, in their order.
 
         Processes of this machine are started only where ``PATIENCE`` seconds of work here were not
         enough; a cluster gets all of it.
@@ -78,7 +78,7 @@ class Workers:
     def as_finished(
         self, function: Callable[[Argument], Result], arguments: Sequence[Argument]
     ) -> Iterator[Result]:
-        """Yield what ``function`` returns for the arguments as it is done, in any order.
+        """Yield the results of ``function`` for the arguments as they come, in any order.
 
         Ray's back end hands everything back at the end.
         """
@@ -152,7 +152,7 @@ class _Alone(Generic[Argument, Result]):
         self._function = function
 
     def __getstate__(self) -> tuple[_Surroundings, Callable[[Argument], Result]]:
-        """Return what another process reads: where modules are, before what may need them."""
+        """Return where modules are, then the function that may need them, for another process."""
         return _Surroundings(), self._function
 
     def __setstate__(self, state: tuple[None, Callable[[Argument], Result]]) -> None:

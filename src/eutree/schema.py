@@ -1,4 +1,4 @@
-"""What the numbers mean: names, units and bounds of features, names of actions, the environment.
+"""Names, units and bounds of features, names of actions, and the environment they belong to.
 
 A schema travels with demonstrations and policies, so that every text, picture and export can
 speak of ``opponent_1 <= 8.25 m`` and ``stop`` instead of ``x[1]`` and ``0``.
@@ -151,7 +151,7 @@ class Control:
     Attributes:
         name: Its name, for example ``"valve"``.
         unit: Its unit, for example ``"%"``; empty for a pure number.
-        levels: What it can be set to: distinct numbers.
+        levels: The distinct numbers that it can be set to.
     """
 
     name: str
@@ -203,8 +203,8 @@ class Schema:
     Attributes:
         features: The features.
         actions: Names of the actions.
-        controls: What the actions set, where they are combinations of levels of some quantities:
-            those of the last quantity change fastest. Empty where an action is a mere choice.
+        controls: The quantities of which actions set levels; an action is a combination of levels,
+            and those of the last quantity change fastest. Empty where an action is a mere choice.
     """
 
     features: tuple[Feature, ...]
@@ -260,7 +260,7 @@ class Schema:
 
     @property
     def measured(self) -> "Schema":
-        """The schema of what is measured: up to the first derived feature."""
+        """The schema of the measured features: those before the first derived one."""
         measured = itertools.takewhile(lambda feature: not feature.formula, self.features)
         return replace(self, features=tuple(measured))
 
@@ -297,7 +297,7 @@ class Schema:
         return schema
 
     def renamed(self, features: Sequence[Feature], actions: tuple[str, ...]) -> "Schema":
-        """Return the schema with the names and units of others for what is measured.
+        """Return the schema with the names and units of others for the measured features.
 
         Args:
             features: A feature for each that is measured, or for each of all.
@@ -322,7 +322,7 @@ class Schema:
 
     @property
     def action_values(self) -> tuple[tuple[float, ...], ...]:
-        """What each action sets its controls to: A tuples of K numbers, K = 0 without controls."""
+        """The levels that each action sets: A tuples of K numbers, K = 0 without controls."""
         if not self.controls:
             return ((),) * self.n_actions
         return tuple(itertools.product(*(control.levels for control in self.controls)))
@@ -369,7 +369,7 @@ class Schema:
         Args:
             kinds: Of a feature by its name ``"flag"``, ``"integer"`` or the names of its values
                 from its lower bound (else 0) on; of a one-hot group by a name of its own those of
-                its features, or what follows "GROUP is" in them; of a known group new categories.
+                its features, or the part after "GROUP is" in them; of a known group new categories.
 
         Raises:
             InvalidArgumentError: A kind is none of these, or contradicts the bounds of a feature.
@@ -437,7 +437,7 @@ class Schema:
         )
 
     def with_history(self, steps: int, actions: int = 0) -> "Schema":
-        """Return the schema of what a ``FeatureMap`` makes of an observation.
+        """Return the schema of the features that a ``FeatureMap`` makes of an observation.
 
         Args:
             steps: Number of previous observations that follow it.
@@ -480,7 +480,7 @@ class EnvironmentSpec:
 
     Attributes:
         id: Its id.
-        arguments: What it is made with.
+        arguments: Its keyword arguments.
         from_file: Names of the arguments that a file chose and no user: with them an environment
             is made only if they are its own, and name no file or module.
     """

@@ -1,4 +1,4 @@
-"""The shared argument checks: each message says which argument, what it must be, what it was."""
+"""The shared argument checks: each message names the argument, the values allowed, and its own."""
 
 import math
 from collections.abc import Iterable, Mapping
