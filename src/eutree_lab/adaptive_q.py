@@ -12,9 +12,9 @@ sides are halved holds a fourth of the error. Halves take over Q and t. There is
 honest answer to "why not simply split by visits?".
 
 *best*, the largest return to go that was ever seen, caps V and is the value of an untried action;
-the bonus is in units of the range of returns seen. A leaf is cut at the middle of what was seen in
-it, across the feature in which that is widest, in units of what one step changes; cuts are made
-between two episodes, so a discarded one leaves no trace.
+the bonus is in units of the range of returns seen. A leaf is cut at the middle of the observations
+in it, across the feature in which they spread widest, in units of the changes of one step; cuts are
+made between two episodes, so a discarded one leaves no trace.
 """
 
 from collections.abc import Iterable
@@ -286,7 +286,7 @@ class AdaptiveQ:
         return feature, threshold_between(float(low[feature]), float(high[feature]))
 
     def _cut(self, leaf: int, feature: int, threshold: float) -> LeafSplit:
-        """Cut a leaf in all but the tree; the halves take over what it knows."""
+        """Cut a leaf in all but the tree; the halves take over its values and visits."""
         new_leaf = len(self.values)
         self.history.split(leaf, new_leaf, feature, threshold)
         self._depth[leaf] += 1

@@ -120,7 +120,7 @@ def _say_smoke(output: Output, *, smoke: bool) -> None:
 
 
 def _shown_on(progress: ProgressLine) -> "Callable[[int, int, FrameworkSpec | RunSpec], None]":
-    """Return what is to be called after each run."""
+    """Return the function to be called after each run."""
 
     def show(count: int, total: int, spec: "FrameworkSpec | RunSpec") -> None:
         progress.update(100 * count // total, f"{count} of {total}: {spec.name}")
@@ -129,7 +129,7 @@ def _shown_on(progress: ProgressLine) -> "Callable[[int, int, FrameworkSpec | Ru
 
 
 def _framework(output: Output, wanted: "list[FrameworkSpec]", out: Path, n_jobs: int) -> None:
-    """Run every method from every start, and say what teaching is worth to each."""
+    """Run every method from every start, and print the worth of teaching to each."""
     from rich.table import Column, Table
 
     from eutree_lab.framework.report import reproduce_framework, verdicts_to_facts
@@ -173,7 +173,7 @@ def lead(
     as_json: bool,
     **page: Any,
 ) -> None:
-    """Lead one person through the study in FOLDER, and pack what they did.
+    """Lead one person through the study in FOLDER, and pack the results.
 
     Its plan, study.toml, and the text that people agree to, consent.md, are written where they are
     missing, to be changed before the first person begins.
@@ -205,7 +205,7 @@ def lead(
 @output_option("--csv", "out", text="File to write: one row for each person.")
 @json_option
 def table(folder: Path, episodes: int, out: Path | None, as_json: bool) -> None:
-    """Print what the people of a study reached, and their trees."""
+    """Print the results of the people of a study, and of their trees."""
     from eutree.files import write_text
     from eutree_lab.study.table import study_table
 

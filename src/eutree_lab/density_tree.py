@@ -1,8 +1,8 @@
 """A kd-tree by density: a leaf that holds enough transitions is cut at its median.
 
 The control for every method that looks at returns before it cuts: the same leaf MDP, the same
-exploration, and cells of about equally many transitions whatever happened in them (Friedman,
-Bentley & Finkel 1977 cut a kd-tree in this way). What it reaches is what resolution alone is worth.
+exploration, and cells of about equally many transitions, whichever their rewards (Friedman, Bentley
+& Finkel 1977 cut a kd-tree in this way). Its return is the worth of resolution alone.
 """
 
 from dataclasses import dataclass
@@ -38,7 +38,7 @@ class DensityTreeMethod(Discretizer):
         """Return the cut at the median of one feature, if the leaf is too full.
 
         It is the feature of most distinct values, the first of several: so units do not matter,
-        and what has few values is cut last.
+        and features of few values are cut last.
         """
         rows = sample.observations
         if len(rows) <= self.max_density:

@@ -1,8 +1,8 @@
-"""From a policy that is no tree to a tree: C4.5 on what it did or would do.
+"""From a policy that is no tree to a tree: C4.5 on its actions.
 
-A codebook's cells are no boxes, and a look-ahead decides by a model. What is shown, exported and
-signed is a tree all the same: C4.5 learns the method's own actions at the observations that it
-came to. How often both agree there, the *fidelity*, is reported beside both returns.
+A codebook's cells are no boxes, and a look-ahead decides by a model. A tree is shown, exported and
+signed all the same: C4.5 learns the method's own actions at the observations that it came to. How
+often both agree there, the *fidelity*, is reported beside both returns.
 """
 
 import numpy as np
@@ -26,7 +26,7 @@ def relabelled(
 
     Args:
         observations: Where the method has been, shape [N, d], at least one row.
-        actions: What it does there, shape [N].
+        actions: Its action at each, shape [N].
         n_actions: Number of actions A.
         settings: The choices of C4.5; release 8 by default.
     """

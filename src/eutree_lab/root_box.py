@@ -1,4 +1,4 @@
-"""The finite box around what was seen."""
+"""The finite box around all observations."""
 
 import numpy as np
 

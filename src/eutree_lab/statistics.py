@@ -53,9 +53,9 @@ def bootstrap_rows(
     """Return a statistic of n runs that are more than one number each, with its 95 % interval.
 
     Args:
-        statistic: What is estimated, from the numbers of the runs drawn [B, n] to [B], which may
-            be infinite.
-        n: Number of runs; what belongs to one run is drawn together.
+        statistic: Function from the numbers of the runs drawn [B, n] to estimates [B], which may be
+            infinite.
+        n: Number of runs; all numbers of one run are drawn together.
         resamples: How many times runs are drawn.
         seed: Source of chance.
     """

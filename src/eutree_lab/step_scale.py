@@ -6,10 +6,10 @@ from eutree.arrays import Floats
 
 
 def step_scale(observations: Floats, next_observations: Floats) -> Floats:
-    """Return the standard deviation of what one step changes, shape [d]; 1 where nothing does.
+    """Return the standard deviation of the changes in one step, shape [d]; 1 where there are none.
 
     Multiplying a feature by a power of two multiplies its scale by the same, to the bit, so the
-    regions stay what they are.
+    regions stay the same.
     """
     changes = (next_observations - observations).std(axis=0)
     return np.where(changes > 0.0, changes, 1.0)

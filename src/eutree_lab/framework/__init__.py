@@ -1,1 +1,1 @@
-"""Every method from every start, and what teaching is worth to each."""
+"""Every method from every start, and the worth of teaching to each."""

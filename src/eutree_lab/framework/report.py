@@ -4,7 +4,7 @@ A folder of results holds
 
     runs/               one document a run; finished runs are never done again
     seconds.json        CPU seconds of each run; all else is the same on every machine
-    verdicts.json       what was expected, and what came of it
+    verdicts.json       each expectation, and its verdict
     framework.md        all tables
     framework-*.svg     learning curves of each task
 """
@@ -63,10 +63,10 @@ COLOURS = {
 
 @dataclass(frozen=True, eq=False)
 class FrameworkReproduction:
-    """What came of the experiment.
+    """Results of the experiment.
 
     Attributes:
-        verdicts: What the runs say of each expectation.
+        verdicts: Verdict of the runs on each expectation.
         folder: Where everything was written.
     """
 
@@ -108,7 +108,7 @@ def reproduce_framework(
     n_jobs: int = 1,
     on_run: Callable[[int, int, FrameworkSpec], None] = lambda count, total, spec: None,
 ) -> FrameworkReproduction:
-    """Run what is missing, compare with what was expected, and report.
+    """Do the missing runs, compare them with the expectations, and report.
 
     Args:
         specs: The runs, seed by seed.
@@ -344,7 +344,7 @@ def _panel(axes: "Axes", runs: Runs, task: str, method: str) -> None:
 
 
 def _shown(curves: Floats) -> Floats:
-    """Return the mean curve; what is far below chance is drawn at the lower edge."""
+    """Return the mean curve; scores far below chance are drawn at the lower edge."""
     mean: Floats = np.clip(curves.mean(axis=0), -0.6, 1.3)
     return mean
 

@@ -1,9 +1,9 @@
-"""The framework that the paper announces: what runs, as data, and what came of each run.
+"""The framework that the paper announces: its runs, as data, and their records.
 
 The paper teaches one discretizer by demonstration and says that others could be taught alike. Here
 every method meets every start, on three tasks, with a good and with a poor demonstrator. Runs of
-one seed have in common the demonstrations, the evaluation episodes and the budget, whatever the
-method and the start; so arms are compared in pairs.
+one seed have in common the demonstrations, the evaluation episodes and the budget, for every method
+and start; so arms are compared in pairs.
 
 A start that a method cannot take is a record too: its reason stands where the figures would be.
 """
@@ -44,7 +44,7 @@ from eutree_lab.parti_game import PartiGameMethod
 
 GOOD, POOR = "good", "poor"
 FROZEN = "frozen"  # the expert tree, which learns nothing
-DAGGER = "dagger"  # the expert tree, made anew of what the demonstrator would have done
+DAGGER = "dagger"  # the expert tree, refitted to the demonstrator's answers
 LEFT_OUT = {
     "distilled-dqn": "its network takes minutes a run, two hundred times what the others do"
 }
@@ -79,7 +79,7 @@ class Task:
         gathering_episodes: Episodes between two updates, of every method.
         evaluate_every: Episodes between two frozen evaluations.
         evaluation_episodes: Episodes of each frozen evaluation.
-        final_episodes: Episodes of the evaluation of what was learned in the end.
+        final_episodes: Episodes of the evaluation of the final tree.
     """
 
     title: str
@@ -152,7 +152,7 @@ class FrameworkSpec:
         method: Name of the method; empty where C4.5 alone makes the tree.
         arm: Where it begins, and who demonstrated.
         seed: Seed of demonstrations, learning and evaluations.
-        choices: What the method chooses, as JSON: a run made when its defaults were others is not
+        choices: Settings of the method, as JSON: a run made when its defaults were others is not
             taken for this one.
     """
 
@@ -181,10 +181,10 @@ class Evaluated(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class FrameworkRecord(Document, frozen=True, kw_only=True):
-    """What came of a run.
+    """The record of a run.
 
     Attributes:
-        spec: What was run.
+        spec: Task, method, arm and seed of the run.
         refused: Why the method does not take the start or the task; then the rest is empty.
         curve: Frozen evaluations of the tree along the way, the first before any learning.
         tree_return: Mean return of the last tree on fresh episodes.
@@ -221,7 +221,7 @@ def specs(
 ) -> list[FrameworkSpec]:
     """Return all runs: of every seed those of the main question first, then the other arms.
 
-    The main question is what teaching is worth: the frozen tree, and every method from nothing and
+    The main question is the worth of teaching: the frozen tree, and every method from nothing and
     from the tree and the demonstrations. Both parts go seed by seed, so an interruption leaves a
     smaller experiment that is whole.
 
@@ -267,7 +267,7 @@ def is_smoke(specs: Sequence[FrameworkSpec]) -> bool:
 
 
 def run(spec: FrameworkSpec) -> tuple[FrameworkRecord, float]:
-    """Do one run; return what came of it and its CPU seconds.
+    """Do one run; return its record and its CPU seconds.
 
     The same spec gives the same record, whichever process does it. Demonstrations are recorded
     once in a process, before the clock starts.
@@ -331,7 +331,7 @@ def _frozen(
 def _corrected(
     spec: FrameworkSpec, env: gymnasium.Env[Any, Any], shown: Demonstrations
 ) -> FrameworkRecord:
-    """Let the tree act, have its demonstrator say what was right, fit C4.5 again: DAgger.
+    """Let the tree act, ask its demonstrator for the right actions, fit C4.5 again: DAgger.
 
     It has the episodes of the methods and is updated when they are.
     """
@@ -412,7 +412,7 @@ def _record(
     result: LearningResult,
     run: Run,
 ) -> FrameworkRecord:
-    """Evaluate what was made on fresh episodes and put everything in a record."""
+    """Evaluate the results on fresh episodes and put everything in a record."""
 
     def mean_return(policy: Policy) -> float:
         episodes = spec.settings.final_episodes

@@ -1,4 +1,4 @@
-"""What was expected of the framework before it ran, and how runs decide what came of it.
+"""Expectations of the framework, written down before it ran, and how runs judge them.
 
 The learning time of a run is the first evaluation from which its tree stays for good at 95 % of
 the way from chance to the good demonstrator's expert tree, which is evaluated on the same episodes;
@@ -41,7 +41,7 @@ GOOD_TREE = Arm(FROZEN, GOOD)
 
 @dataclass(frozen=True)
 class Expectation:
-    """What was expected, written down before any run.
+    """An expectation, written down before any run.
 
     Attributes:
         method: The method.
@@ -61,7 +61,7 @@ class Expectation:
 
     @property
     def sentence(self) -> str:
-        """What is said of the method."""
+        """The claim about the method."""
         if self.second is None:
             return "teaching halves the learning time"
         relation = "as good as" if self.similar else "above"
@@ -97,10 +97,10 @@ EXPECTATIONS = (
 
 @dataclass(frozen=True)
 class Finding:
-    """What the runs say of one expectation.
+    """The verdict of the runs on one expectation.
 
     Attributes:
-        expectation: What was expected.
+        expectation: The expectation.
         holds: ``"holds"``, ``"does not hold"``, ``"cannot be told"`` or ``"refused"``.
         estimate: Ratio of learning times, or difference of mean scores; None where refused.
         tasks: The tasks that it is made of.
@@ -158,7 +158,7 @@ class Runs:
     been run on every seed.
 
     Args:
-        records: What came of the runs.
+        records: Records of the runs.
     """
 
     def __init__(self, records: Iterable[FrameworkRecord]) -> None:
@@ -258,7 +258,7 @@ def halved(estimate: Estimate, alone: Sequence[Times]) -> str:
 
 
 def verdict(runs: Runs, expectation: Expectation) -> Finding:
-    """Return what the runs say of an expectation, over the tasks that refuse none of its arms."""
+    """Return the runs' verdict on an expectation, over the tasks that refuse none of its arms."""
     method, first = expectation.method, expectation.first
     second = expectation.second or NOTHING
     tasks = tuple(
@@ -322,7 +322,7 @@ def number_text(estimate: Estimate, *, signed: bool = False) -> str:
 
 
 def verdicts(records: Iterable[FrameworkRecord]) -> list[Finding]:
-    """Return what the runs say of every expectation on a method that was run."""
+    """Return the verdict on every expectation of a method that was run."""
     runs = Runs(records)
     return [verdict(runs, e) for e in EXPECTATIONS if e.method in runs.methods]
 

@@ -1,4 +1,4 @@
-"""A tree whose cuts may ask for what was observed and done before."""
+"""A tree whose cuts may test previous observations and actions."""
 
 from eutree_lab.history_u_tree.method import HistoryUTreeMethod
 

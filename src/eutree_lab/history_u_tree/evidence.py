@@ -2,7 +2,7 @@
 
 The greedy action of a leaf (Eq. 1) is the best of some means, most of them of a few transitions: in
 a tree that has just been split the luckiest action leads, not the best one, and the values of the
-leaves before it count on that luck. Where an expert has shown what to do, this loses what he knew.
+leaves before it count on that luck. Where there is an expert's policy, this loses it.
 
 Here a leaf has an action that it *keeps*: the expert's, or that of the leaf it was split from.
 Values are those of the kept policy. Of each leaf and action
@@ -10,9 +10,9 @@ Values are those of the kept policy. Of each leaf and action
     q(s, a) = mean of the lambda-returns of T(s, a), lambda = 1, cut at the first action not kept
     V(s)    = q(s, kept(s))
 
-which is solved by iteration, since a return that was cut ends in V. Such a return has seen what an
-action led to, so leaves that lump unlike moments together do not mix their futures. Another action
-takes the place of the kept one where
+which is solved by iteration, since a return that was cut ends in V. Such a return includes the
+consequences of an action, so leaves that lump unlike moments together do not mix their futures.
+Another action takes the place of the kept one where
 
     q(s, a) - q(s, kept) > errors * sqrt(var / n(s, a) + var / n(s, kept))
 

@@ -3,9 +3,9 @@
 U-Tree grows a tree whose tests may look back: at a feature of the percept h steps ago, or at the
 action taken then. With thresholds for distinctions that is the Continuous U-Tree on the stacked
 features of a :class:`eutree.features.FeatureMap`, and this is all it is made of, plus one thing: a
-*fringe* deeper than one level. What distinguishes only together with something else (the exclusive
-or of two past percepts) no single cut can show. A fringe of depth 2 tries a cut that shows nothing
-by itself, and looks below it; the chance of finding something in so many places is allowed for.
+*fringe* deeper than one level. No single cut can show a distinction that takes two tests (the
+exclusive or of two past percepts). A fringe of depth 2 tries a cut that shows nothing by itself,
+and looks below it; the chance of finding something in so many places is allowed for.
 
 With no previous observations, no previous actions and a fringe of depth 1 it is the Continuous
 U-Tree, byte for byte.
@@ -61,7 +61,7 @@ MOST_FIRST = 8  # continuous features whose best cuts a fringe of depth 2 looks 
 
 @dataclass(frozen=True, kw_only=True)
 class HistoryUTreeMethod(UTreeMethod):
-    """The choices of the Continuous U-Tree, and of what it remembers.
+    """The choices of the Continuous U-Tree, and of its memory.
 
     Attributes:
         history: Number of previous observations among the features.

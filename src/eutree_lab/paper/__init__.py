@@ -1,1 +1,1 @@
-"""The paper's figures and tables, and what of them holds."""
+"""The paper's figures and tables, and which of their claims hold."""

@@ -1,4 +1,4 @@
-"""What the paper says that can be checked, and what we found: computed, never written by hand."""
+"""Claims of the paper that can be checked, beside our figures: computed, never written by hand."""
 
 import tomllib
 from dataclasses import dataclass
@@ -21,17 +21,17 @@ class Claim:
 
     Attributes:
         id: Names the claim for ever, for example ``"figure-2/half-the-trials"``.
-        sentence: What the paper says.
+        sentence: The claim of the paper.
         paper: The paper's number, as text.
         ours: Our number.
         interval: Its 95 % interval.
         holds: ``"holds"``, ``"does not hold"`` or ``"cannot be told"``.
-        rule: What had to be true of our number.
+        rule: Condition on our number.
         unit: Unit of our number, for people to read.
         preset: Settings under which ours was found.
-        times: How many times as many runs would tell, about, if our number stayed what it is and
-            the interval shrank with the root of the runs; None where that is told, or where our
-            number is just what decides.
+        times: How many times as many runs would tell, about, if our number stayed the same and the
+            interval shrank with the root of the runs; None where that is told, or where our number
+            lies on the bound itself.
         is_inside: Whether our number itself is as the rule wants it.
     """
 
@@ -52,7 +52,7 @@ _CLAIMS = tomllib.loads((resources.files(__package__) / "claims.toml").read_text
 
 
 def claimed(name: str, estimate: Estimate, *, key: str = "", **words: object) -> Claim:
-    """Return what became of a claim of the paper.
+    """Return a claim of the paper, judged.
 
     Args:
         name: Its id, the last part of which is its name in ``claims.toml``.

@@ -70,7 +70,7 @@ def side_by_side(
 
     Args:
         title: Of the figure.
-        records: Those of each preset; what does not depend on it has one panel without a name.
+        records: Those of each preset; one panel without a name if they do not depend on it.
         panel: Draws some records on some axes.
     """
     figure = blank(title, (5.2 * len(records), 3.8))

@@ -1,4 +1,4 @@
-"""An experiment is three answers, as data: what runs, how it is judged, how it is drawn."""
+"""An experiment is three answers, as data: its runs, how they are judged, how they are drawn."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -80,7 +80,7 @@ class Experiment:
 
     Attributes:
         id: Its name, after the figure or table.
-        title: What it shows.
+        title: Its title.
         specs: The runs that it needs, at a scale and under a preset.
         judge: The claims, from its records under a preset.
         draw: Draws the panel of a preset from its records; None where there is no figure.

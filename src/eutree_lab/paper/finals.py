@@ -3,7 +3,7 @@
 "As a result of the shorter learning time, the EU-Tree algorithm has the added effect of producing
 discretizations with fewer states": so learning ended when a policy was good enough, and the final
 policy is the one it ended with. How good that was is open. Rules choose from the frozen evaluations
-along the run; what they chose is measured on fresh episodes.
+along the run; the chosen policy is measured on fresh episodes.
 """
 
 from collections.abc import Mapping, Sequence

@@ -1,4 +1,4 @@
-"""Reproduce results of the paper: run what is missing, judge the claims, draw, report.
+"""Reproduce results of the paper: do the missing runs, judge the claims, draw, report.
 
 A folder of results holds
 
@@ -32,7 +32,7 @@ PRESETS = ("paper", "default")
 
 @dataclass(frozen=True, eq=False)
 class Reproduction:
-    """What a reproduction found.
+    """Results of a reproduction.
 
     Attributes:
         claims: All claims, those of one experiment together.
@@ -55,7 +55,7 @@ def reproduce(
     """Run, judge, draw and report some experiments.
 
     Args:
-        experiments: What to reproduce.
+        experiments: The experiments.
         folder: Results; runs that are already there are not done again.
         scale: How much.
         presets: Settings of the learners, side by side.
@@ -201,7 +201,7 @@ def _page(
 
 
 def _verdict(claims: Sequence[Claim]) -> str:
-    """Return how many claims hold, and what becomes of the others."""
+    """Return how many claims hold, fail, and remain open."""
     counts = Counter(claim.holds for claim in claims)
     found = ", ".join(
         f"{counts[verdict]} {one if counts[verdict] == 1 else many}"
@@ -228,7 +228,7 @@ def _table(claims: Sequence[Claim]) -> str:
 
 
 _COLUMNS = ("The paper says", "Verdict", "Paper", "Ours [95 %]", "Preset", "Rule")
-# What a verdict looks like; the word says it, too.
+# Look of each verdict; the word says it, too.
 _LOOKS = {HOLDS: "good", FAILS: "bad", OPEN: "open"}
 
 

@@ -11,7 +11,7 @@ from eutree_lab.paper.runs import RunRecord, RunSpec, run
 
 
 class _Spec(Protocol):
-    """What a run is made from, and called by."""
+    """The data that a run is made from, and its name."""
 
     @property
     def name(self) -> str: ...
@@ -26,7 +26,7 @@ class RecordFolder(Generic[Spec, Record]):
 
     Args:
         folder: Where; made if it does not exist.
-        record_type: What a document holds.
+        record_type: Type of the documents.
         run: Does a run, in a process of its own, and returns a record for ``keep``.
     """
 
@@ -65,7 +65,7 @@ class RecordFolder(Generic[Spec, Record]):
         Args:
             specs: All runs that are wanted.
             n_jobs: Processes, as ``evaluate`` takes them.
-            on_run: Called after each run with how many are done and what was run.
+            on_run: Called after each run with how many are done and the run's spec.
         """
         missing = [spec for spec in dict.fromkeys(specs) if not self.has(spec)]
         before = len(set(specs)) - len(missing)

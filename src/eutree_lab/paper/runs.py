@@ -1,4 +1,4 @@
-"""One run of an experiment: what is run, as data, and what came of it, as a checked document.
+"""One run of an experiment: its spec, as data, and its record, as a checked document.
 
 Runs are shared: Table 2 and the compression claim read the runs of Figure 2. A run is named by
 everything that decides its result, so a folder of results never holds one under a wrong name.
@@ -84,10 +84,10 @@ class Point(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class RunRecord(Document, frozen=True, kw_only=True):
-    """What came of a run.
+    """The record of a run.
 
     Attributes:
-        spec: What was run.
+        spec: Settings of the run.
         expert: The expert tree in this environment; None for the C. U-Tree.
         curve: Frozen evaluations along the way; empty for the expert tree alone.
         final: The final policy on fresh episodes.
@@ -187,7 +187,7 @@ def _record(
     result: LearningResult | None,
     kept: _Kept,
 ) -> RunRecord:
-    """Evaluate what was made on fresh episodes and put everything in a record."""
+    """Evaluate the policies on fresh episodes and put everything in a record."""
 
     def performance(policy: TreePolicy) -> Performance:
         measured = evaluate(policy, env, episodes=spec.final_episodes, seed=spec.seed)

@@ -1,6 +1,6 @@
 """Table 2: states and reward of the expert tree, the C. U-Tree and the EU-Tree in 2-Evasion.
 
-A run's *final policy* is what ``eutree_lab.paper.finals`` says. The other reading, the policies
+A run's *final policy* is chosen as in ``eutree_lab.paper.finals``. The other reading, the policies
 after equally many episodes, is claimed too.
 """
 

@@ -12,7 +12,7 @@ FAMILIARITY = 1.05  # by which each visit divides the chance to explore
 
 
 class Tiles(NamedTuple):
-    """Tiles of all levels, one level after another; each learns what coarser ones leave over."""
+    """Tiles of all levels, one level after another; each learns the residual of coarser ones."""
 
     levels: Integers  # [K] tiles of an axis
     low: Floats  # [d]
@@ -36,7 +36,7 @@ def tile(tiles: Tiles, observation: Floats, level: int, first: int) -> int:
 
 @compiled
 def learn(tiles: Tiles, observation: Floats, action: int, left: Floats) -> None:
-    """Learn from a displacement ``left``, in units of the box; it is changed to what remains."""
+    """Learn from a displacement ``left``, in units of the box; it is changed to the residual."""
     square = 0.0
     for i in range(left.size):
         square += left[i] * left[i]
@@ -52,7 +52,7 @@ def learn(tiles: Tiles, observation: Floats, action: int, left: Floats) -> None:
         # 1 / n averages the first 1 / RATE values exactly; later ones replace older ones slowly.
         rate = max(RATE, 1.0 / tiles.visits[action, at])
         error = 0.0
-        for i in range(left.size):  # what this level leaves over is the next one's to learn
+        for i in range(left.size):  # the residual of this level is the next one's target
             left[i] -= tiles.means[action, at, i]
             error += left[i] * left[i]
             tiles.means[action, at, i] += rate * left[i]
@@ -62,7 +62,7 @@ def learn(tiles: Tiles, observation: Floats, action: int, left: Floats) -> None:
 
 @compiled
 def predict(tiles: Tiles, observation: Floats, moves: Floats) -> float:
-    """Write what each action adds [A, d], in units of the box; return the chance to explore.
+    """Write the displacements [A, d] of actions, in units of the box; return the chance to explore.
 
     That is the mean error of the finest tiles seen of each action, less where they are familiar.
     """

@@ -2,7 +2,7 @@
 
 A controller looks one step ahead in a model of displacements, ``argmin_a |p - (o + F(o, a))|``, and
 may learn the model as it goes (Al-Ansari 2001, chapter 6): tiles of several sizes, each of which
-learns what the coarser ones leave unexplained, so that a place never seen is taken to be like its
+learns the residual of the coarser ones, so that a place never seen is taken to be like its
 surroundings. Lengths are in units of the box.
 """
 
@@ -25,7 +25,7 @@ class LearnedController:
         n_actions: Number of actions A.
 
     Attributes:
-        tiles: What it has learned; arrays that change in place.
+        tiles: The learned model; arrays that change in place.
     """
 
     def __init__(self, low: Floats, span: Floats, n_actions: int) -> None:
@@ -56,7 +56,7 @@ class LearnedController:
         kernels.learn(self.tiles, observation, action, (after - observation) / self.tiles.span)
 
     def predict(self, observation: Floats) -> tuple[Floats, float]:
-        """Return what each action is expected to add, [A, d], and the chance to explore."""
+        """Return the expected displacement of each action, [A, d], and the chance to explore."""
         doubt = kernels.predict(self.tiles, observation, self._moves)
         return self._moves * self.tiles.span, doubt
 
@@ -67,7 +67,7 @@ def nearest(observation: Floats, target: Floats, moves: Floats, span: Floats) ->
     Args:
         observation: Where one is, shape [d].
         target: Where one wants to go, shape [d].
-        moves: What each action adds, in units of the box, shape [A, d].
+        moves: Displacement of each action, in units of the box, shape [A, d].
         span: The unit of lengths, shape [d].
     """
     left = np.empty(len(moves))

@@ -2,12 +2,12 @@
 
 In cell i one aims at a neighbour until i is left, or one is stuck; the triple (i, aim, arrived) is
 remembered. Aims are chosen by minimax (``outcomes``); where the adversary can keep one from the
-goal for ever, cells at the border of what is lost are split (``losing_cells``). A. W. Moore and
+goal for ever, cells at the border of the losing ones are split (``losing_cells``). A. W. Moore and
 C. G. Atkeson, *The Parti-game Algorithm* (Machine Learning 21, 1995), algorithms 3 and 4; variants
 of M. A. Al-Ansari and R. J. Williams (NIPS 11, 1998).
 
 The expert, if there is one, is one more aim of every cell: act as it does until the cell is left
-(Moore 1993 proposes such "behaviours"). What came of it is counted in its demonstrations.
+(Moore 1993 proposes such "behaviours"). Its outcomes are counted in its demonstrations.
 """
 
 from collections.abc import Callable, Sequence
@@ -39,7 +39,8 @@ class GameRules:
     """The choices of the algorithm.
 
     Attributes:
-        variant: What is split: "pg", "lppg" or "llppg"; "pg" aims at centres, the others at faces.
+        variant: Rule of splitting: "pg", "lppg" or "llppg"; "pg" aims at centres, the others at
+            faces.
         patience: Steps without coming nearer to the target after which one is stuck.
         max_cells: Number of cells from which on nothing is split.
         floor: Share above which an outcome is reckoned with, for certain; 0 takes all (no noise).
@@ -59,7 +60,7 @@ class GameRules:
 
 @dataclass(frozen=True)
 class WayToAim:
-    """On the way: from which cell and place, at what, how near, and steps left without progress."""
+    """The way to an aim: its cell and place, the aim, how near, and steps left without progress."""
 
     cell: int
     aim: int
@@ -71,7 +72,7 @@ class WayToAim:
 
 @dataclass
 class PartiGame:
-    """One learner: cells, what came of aims in them, and the present aim.
+    """One learner: cells, outcomes of aims in them, and the present aim.
 
     Attributes:
         cells: The present partition.
@@ -79,7 +80,7 @@ class PartiGame:
         rules: The choices of the algorithm.
         expert: The expert's action at an observation; None if there is none.
         demonstrated: Observations of each demonstration and how it ended (GOAL, LOST, CUT_SHORT).
-        own: What came of aims in the learner's own steps.
+        own: Outcomes of aims in the learner's own steps.
         n_news: Triples never seen before, and splits, since the episode began.
         exhausted: Whether a losing cell could not be split for the limit of cells.
     """
@@ -115,11 +116,11 @@ class PartiGame:
 
         Args:
             observation: Where it began, shape [d].
-            action: What was done.
+            action: The action taken.
             after: Where it led, shape [d].
             ending: GOES_ON, CUT_SHORT, TAKEN_BACK, GOAL or LOST.
         """
-        if ending not in (LOST, TAKEN_BACK):  # what is observed then is no displacement
+        if ending not in (LOST, TAKEN_BACK):  # the observation is no displacement then
             self.controller.learn(observation, action, after)
         way = self._way
         if way is None:
@@ -186,7 +187,7 @@ class PartiGame:
         return WayToAim(cell, aim, observation.copy(), target, nearest, self.rules.patience)
 
     def _split(self) -> bool:
-        """Split cells at the border of what is lost; return whether there was anything to split."""
+        """Split cells at the border of the losing ones; return whether there were any to split."""
         cuts = []
         if self.rules.floor > 0.0:
             cuts = explained_cuts(self.cells, self._costs, self._all)
@@ -201,7 +202,7 @@ class PartiGame:
         return True
 
     def _replace(self, cells: Cells, gone: Sequence[int]) -> None:
-        """Take other cells; forget what came of those that are gone."""
+        """Take other cells; forget the outcomes of those that are gone."""
         self.cells = cells
         self.own = self.own.without(gone)
         self._refresh()

@@ -9,8 +9,8 @@
 costs that differ by more than 1 across a border tell of a barrier, or of a way that cells are too
 coarse to see; the largest cells on the side of the higher costs are halved.
 
-With noise, ``explained_cuts`` splits only where the place one set out from tells what came of it,
-and there: the best threshold by information gain, if it passes a chi-square test.
+With noise, ``explained_cuts`` splits only where the starting place tells the outcome, and there:
+the best threshold by information gain, if it passes a chi-square test.
 """
 
 import math
@@ -90,7 +90,7 @@ def cells_to_improve(cells: Cells, costs: AimCosts) -> Integers:
 def explained_cuts(
     cells: Cells, costs: AimCosts, outcomes: Outcomes, *, level: float = 0.01
 ) -> list[tuple[int, int, float]]:
-    """Return cuts (cell, axis, threshold) of border cells whose starts explain what came of them.
+    """Return cuts (cell, axis, threshold) of border cells whose starts explain the outcomes.
 
     Args:
         cells: The cells.

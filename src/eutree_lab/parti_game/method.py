@@ -6,8 +6,8 @@ every step: a losing cell is split in the middle of an episode. Rewards do not m
 
 The leaves of the expert tree, clipped to a finite box, are the first cells. A success says nothing
 to an optimist, so demonstrations matter in three other ways: they show where the goal is, they are
-data for the local controller, and they count what comes of the aim "act as the expert does until
-the cell is left". What is shown is C4.5's tree of what the controller does.
+data for the local controller, and they count the outcomes of the aim "act as the expert does until
+the cell is left". The tree shown is C4.5's of the controller's actions.
 """
 
 from collections.abc import Callable
@@ -41,8 +41,8 @@ class PartiGameMethod:
     """The choices of parti-game.
 
     Attributes:
-        variant: What is split: "llppg" (the largest losing cells at the border), "lppg" (all of
-            them) or "pg" (both sides of the border).
+        variant: Cells that are split: "llppg" (the largest losing cells at the border), "lppg" (all
+            of them) or "pg" (both sides of the border).
         patience: Steps without coming nearer to the target after which one is stuck.
         max_cells: Cells from which on nothing is split.
         floor: Share above which an outcome is reckoned with, for certain; 0 takes all, more is for
@@ -123,7 +123,7 @@ class PartiGameLearner:
         method: How to learn.
 
     Attributes:
-        game: Cells, what came of aims, and the controller.
+        game: Cells, outcomes of aims, and the controller.
         history: All transitions stored so far.
     """
 

@@ -1,4 +1,4 @@
-"""What came of aiming at a neighbour, and the fewest aims that surely lead to the goal.
+"""Outcomes of aiming at a neighbour, and the fewest aims that surely lead to the goal.
 
     J(GOAL) = 0,   J(i) = 1 + min over aims j of i of  max over k in OUTCOMES(i, j) of J(k)
 
@@ -89,12 +89,12 @@ def wilson(count: int, total: int) -> float:
 
 @dataclass(frozen=True, eq=False)
 class AimCosts:
-    """J of every cell, and what can be aimed at.
+    """J of every cell, and its possible aims.
 
     Attributes:
         cost: J(i); infinite where nothing leads to the goal for certain. The last is the goal's.
         cell: Cell that each aim starts from, ascending.
-        aim: What is aimed at: a cell, GOAL or EXPERT.
+        aim: The aim: a cell, GOAL or EXPERT.
         worst: J of the dearest outcome of each aim.
     """
 
@@ -136,7 +136,7 @@ def costs(n_cells: int, cell: Integers, aim: Integers, outcomes: Outcomes) -> Ai
         n_cells: Number of cells L.
         cell: Cell of each aim, ascending, shape [K].
         aim: The aim, shape [K].
-        outcomes: What came of them.
+        outcomes: Outcomes of the aims.
     """
     arcs = [outcomes.of(i, j) for i, j in zip(cell.tolist(), aim.tolist(), strict=True)]
     sizes = np.array([max(len(arc), 1) for arc in arcs], dtype=np.int64)
@@ -154,7 +154,7 @@ def costs(n_cells: int, cell: Integers, aim: Integers, outcomes: Outcomes) -> Ai
 def expert_outcomes(cells: Cells, episodes: Iterable[tuple[Floats, int]]) -> list[
     tuple[Triple, Floats]
 ]:  # fmt: skip
-    """Return what came of following the expert, segment by segment of its episodes.
+    """Return the outcomes of following the expert, segment by segment of its episodes.
 
     Args:
         cells: The cells.

@@ -1,1 +1,1 @@
-"""What is proven of Evasion, whose noise has no bounds: chances of success and mean returns."""
+"""Proofs about Evasion, whose noise has no bounds: chances of success and mean returns."""

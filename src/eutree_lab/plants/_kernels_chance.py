@@ -59,7 +59,7 @@ def turn_bound(
     first: int,
     out: Floats,  # [P, n, S]
 ) -> None:
-    """Write a bound of the expected value after a step, from whatever place in each cell."""
+    """Write a bound of the expected value after a step, from any place in each cell."""
     before, n, after = field.shape
     for p in range(before):
         for c in range(n):
@@ -153,7 +153,7 @@ def choose(
     go: Values,  # each [N, R]
     share: Floats,  # [N, Q] of each cell in which it goes; negative: whichever is better
     kind: Integers,  # [R] which column of ``share``; negative: an end, which stays as it is
-    limits: Floats,  # [3] what doubles may be off, and lowest and highest value of all
+    limits: Floats,  # [3] greatest error of doubles, and lowest and highest value of all
     out: Values,  # each [N, R]
 ) -> None:
     """Write the values of cells in which one of two actions is taken."""

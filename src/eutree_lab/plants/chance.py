@@ -2,11 +2,11 @@
 
 A state's number is in a cell, and within it as a *reference* density says. One noisy step later it
 is in cell j with probability ``mean[j]``, but not quite as that cell's own reference says. The
-value of what comes then is known as a mean over each cell and between two bounds within it; so
-what is computed from the means is off by at most the width between these bounds times half of the
-distance of the two densities, ``blur[j]``: an error of second order. An adversary who chooses the
-worst place of each cell again at every step, as interval Markov chains have one, is off by a cell
-after each.
+value after the step is known as a mean over each cell and between two bounds within it; so a value
+computed from the means is off by at most the width between these bounds times half of the distance
+of the two densities, ``blur[j]``: an error of second order. An adversary who chooses the worst
+place of each cell again at every step, as interval Markov chains have one, is off by a cell after
+each.
 
 The same for one fixed state in place of the reference has ``most`` and ``spread``; its mean part is
 summed by parts, since the probability to end beyond an edge grows with the number itself.
@@ -122,8 +122,8 @@ class _Target:
 def circle_moves(width: float, step: Normal) -> tuple[int, Moves]:
     """Return the offset of the first cell that is reached on a circle of equal cells, and the step.
 
-    The reference density is uniform, and the step is the same from every cell, so I is 1. What
-    is beyond ``REACH`` counts to the last cells.
+    The reference density is uniform, and the step is the same from every cell, so I is 1. The
+    probability beyond ``REACH`` counts to the last cells.
 
     Args:
         width: Of a cell.
@@ -176,7 +176,7 @@ def line_moves(source: Floats, target: Floats, steps: int, step: Normal) -> Move
         joint = then.density(points) * back(points)
         blur = cells.half_distance(joint, 2 * top * back.most(target), mean[1:-1])
         most, spread = cells.from_place(low, high, step)
-        # What goes beyond the cells counts to the last ones; nothing is known of where in them.
+        # The probability beyond the cells counts to the last ones; where in them is unknown.
         outside, mean = mean[[0, -1]], mean[1:-1]
         beyond = np.zeros((2, mean.size))
         beyond[0, [0, -1]] = outside

@@ -1,4 +1,4 @@
-"""The plant of N-Evasion: how often a policy succeeds, and what it earns, over all chance."""
+"""The plant of N-Evasion: success rates and returns of a policy, over all chance."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -17,7 +17,7 @@ from eutree_lab.plants.evasion_chain import SUCCESS, EvasionChain, Payoffs
 _CELLS, _SPACING = 880, 0.4  # of an opponent's circle; of the agent's places
 _BEST_CELLS, _BEST_SPACING = 440, 0.5
 _COARSER = (1, 2, 4, 8)  # where several opponents are carried at once, until they fit
-_MOST_NOISE = 0.15  # more, and a forward step of 0 is likelier than what is left out of account
+_MOST_NOISE = 0.15  # more, and a forward step of 0 is likelier than the tails left out of account
 
 
 class Evasion(Plant):
@@ -99,7 +99,7 @@ class Evasion(Plant):
         return (low, high), used
 
     def _pictures(self, chain: EvasionChain, what: str) -> Iterator[Picture]:
-        """Yield what is proven of an agent that has not stopped yet, for each opponent."""
+        """Yield the bounds for an agent that has not stopped yet, a picture for each opponent."""
         p = self._parameters
         half = p.path_length / 2
         for i in range(p.n_opponents):
@@ -128,7 +128,7 @@ class Evasion(Plant):
         raise failure
 
     def _best(self, payoffs: Payoffs) -> float:
-        """Return what no policy exceeds, whatever it sees: with one opponent there is no less.
+        """Return an upper bound of all policies' returns; with one opponent there is no lower one.
 
         An episode that another opponent would have ended by a collision goes on instead, and
         going to the goal without a stop is worth at least a collision.

@@ -1,8 +1,8 @@
-"""Bounds of what a policy earns in N-Evasion: backwards over the steps, over cells of the states.
+"""Bounds of a policy's return in N-Evasion: backwards over the steps, over cells of the states.
 
 An opponent and its hidden direction are one number on a circle, which turns by a noisy step; at
-the start it is uniform there, and so it stays, whatever time has passed. The agent has moved k
-times or not at all, so its place is a normal number around k steps, in rows of its own *level*.
+the start it is uniform there, and so it stays at all times. The agent has moved k times or not at
+all, so its place is a normal number around k steps, in rows of its own *level*.
 
 An opponent is carried only between the first level and the last at which a decision or a collision
 depends upon it. Before, nothing has looked at it, so it is uniform and independent of all that
@@ -28,12 +28,12 @@ MOST_CELLS = 4_000_000
 _GO = 1  # the action, as the environment counts
 _INNER = 3.0  # deviations within which rows are narrow
 _SLICES = 32  # of a cell along the main path, for its share of collisions
-_ROUNDING = 1e-11  # of the values, a step: what doubles round, in the program and here
+_ROUNDING = 1e-11  # of the values, a step: rounding of doubles, in the program and here
 
 
 @dataclass(frozen=True, kw_only=True)
 class Payoffs:
-    """What an episode is worth.
+    """Worth of an episode's events.
 
     Attributes:
         goal: The end at the goal.
@@ -76,16 +76,16 @@ class _Level:
 
 @dataclass(frozen=True, eq=False)
 class _Ahead:
-    """Values before all opponents' steps, and what they may be off.
+    """Values before all opponents' steps, and their greatest errors.
 
     Attributes:
         mean: Bounds of the mean of a cell.
         place: Bounds of the mean at each place.
         state: Bounds for each state of the opponents, of the mean over the agent's places.
         fixed: Bounds for each state of the opponents, at each place.
-        off: What means may be off.
-        off_state: What the values of single states may be off.
-        width: Width of the bounds at places; what going may be off further is in proportion.
+        off: Greatest error of means.
+        off_state: Greatest error of the values of single states.
+        width: Width of the bounds at places; the further error of going is in proportion.
         width_state: As ``width``, for single states.
     """
 
@@ -148,7 +148,7 @@ class EvasionChain:
         ]
 
     def bounds(self, payoffs: Payoffs) -> tuple[float, float]:
-        """Return bounds of what an episode is worth on average, over all starts and all noise."""
+        """Return bounds of the mean worth of an episode, over all starts and all noise."""
         steps = self._parameters.max_steps
         values = [self._at_the_end(level, payoffs) for level in self._levels]
         self._unstopped = [np.empty((0, 0))] * min(steps, len(values) - 1)
@@ -161,7 +161,7 @@ class EvasionChain:
         return float(first.low_mean.mean()), float(first.high_mean.mean())
 
     def least_by_place(self, opponent: int) -> Floats:
-        """Return what is worth at least an agent that has not stopped, of the last ``bounds``.
+        """Return the least worth of an agent that has not stopped, of the last ``bounds``.
 
         A row for each number of steps, a column for each part of the opponent's path, whichever way
         it goes there: shape [K, cells / 2].
@@ -376,7 +376,7 @@ class EvasionChain:
                 kernels.end(level.collisions, payoffs.collision, out)
 
     def _ahead(self, values: kernels.Values) -> _Ahead:
-        """Return what values are worth before all opponents' steps."""
+        """Return values before all opponents' steps from those after them."""
         circle = self._circle
         mean, place = [values.low_mean, values.high_mean], [values.low_place, values.high_place]
         state, fixed = mean.copy(), place.copy()

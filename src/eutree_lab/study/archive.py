@@ -37,7 +37,7 @@ _MEMBER = re.compile(
 
 
 class TreeResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """What a tree reached when the person saw it.
+    """Results of a tree when the person saw it.
 
     Attributes:
         tree: ``"fitted"``, ``"taken-over"`` or ``"practised"``.
@@ -55,7 +55,7 @@ class TreeResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
 
 
 class PersonDocument(Document, frozen=True, kw_only=True):
-    """What is known of a person: the parts of the study, and what came of them.
+    """The record of a person: the parts of the study, and their results.
 
     Attributes:
         person: The random code.
@@ -64,7 +64,7 @@ class PersonDocument(Document, frozen=True, kw_only=True):
         plan: The plan of the study.
         versions: Of the programs that took part.
         seconds: How long each part took.
-        results: What each tree reached.
+        results: Results of each tree.
         answers: One for each question; empty where none was given.
         part: The part that the person has come to.
     """
@@ -90,7 +90,7 @@ def versions() -> dict[str, str]:
 
 
 def pack(folder: Path, study: Path) -> Path:
-    """Write what a person's folder holds into one archive beside it; return its path.
+    """Write a person's folder into one archive beside it; return its path.
 
     Args:
         folder: The person's.
@@ -113,10 +113,10 @@ def pack(folder: Path, study: Path) -> Path:
 
 
 def unpack(path: Path, folder: Path) -> PersonDocument:
-    """Write the members of a person's archive into a folder; return what is known of the person.
+    """Write the members of a person's archive into a folder; return the person's record.
 
     Raises:
-        FormatError: It is no such archive, holds what does not belong there, or far too much.
+        FormatError: It is no such archive, holds files that do not belong there, or far too much.
         FileError: It cannot be read.
     """
     data = read_bytes(path, limit=MAX_EXPORT)

@@ -1,7 +1,7 @@
 """A study: the same parts for each person, one after the other, on the recorder's page.
 
 Consent, practice, demonstrations, watching the tree, taking over, questions: each part begins when
-the one before is over, and only what belongs to it is obeyed. The page shows what it is told.
+the one before is over, and only its own buttons are obeyed. The page shows the fields of ``view``.
 """
 
 import secrets
@@ -82,20 +82,20 @@ def conduct(
     keys: str | None = None,
     pace: SessionSettings,
 ) -> "Iterator[tuple[Recorder, StudyTree, Study]]":
-    """Yield what records a person of a study, what makes their tree, and what leads them.
+    """Yield the recorder of a person of a study, the maker of their tree, and their guide.
 
     Args:
-        study: The folder of the study; what is missing in it is made.
+        study: The folder of the study; missing files in it are made.
         spec: How to make the environment again.
         env: The environment, made with ``render_mode="rgb_array"``.
         person: The code of the person to go on with; None for a new person.
-        keys: What the keys mean, as text; None for the environment's own.
+        keys: Meaning of the keys, as text; None for the environment's own.
         pace: Decisions per second, and whether the sensed numbers are shown.
 
     Raises:
         InvalidArgumentError: There is no such person to go on with, the environment need not end,
             or the study is another one than those before have taken part in.
-        FormatError: The plan says what it cannot mean.
+        FormatError: The plan is not valid.
     """
     if never_ends(env):
         raise InvalidArgumentError(
@@ -137,7 +137,7 @@ class Study:
     Args:
         recorder: Records into the folder ``demos`` of the person's folder.
         maker: Makes the tree.
-        plan: What is the same for each person.
+        plan: The plan, the same for each person.
         consent: The text that the person agrees to.
         protocol: Digest of all that is the same for each person.
     """
@@ -160,7 +160,7 @@ class Study:
         self._due: float | None = None
         self._go_back()
 
-    # ---- what the person says
+    # ---- buttons and answers of the person
 
     def hear(self, name: str, place: int = 0, text: str = "") -> None:
         """Take in a button of the study's own: see ``_view``."""
@@ -181,10 +181,10 @@ class Study:
         elif name == "leave":
             self._leaves = self.part == THANKS
 
-    # ---- what goes on
+    # ---- the course of the study
 
     def advance(self, now: float) -> list[Event]:
-        """Go on to the next part if this one is over; return what the session is to do."""
+        """Go on to the next part if this one is over; return the session's next events."""
         if self._now is not None:
             self._seconds[self.part] = self._seconds.get(self.part, 0.0) + now - self._now
         self._now = now
@@ -255,7 +255,7 @@ class Study:
         return self._due is not None and now >= self._due
 
     def _go_on(self) -> None:
-        """Begin the next part; what is known so far is stored."""
+        """Begin the next part; the record so far is stored."""
         rest = self._parts[self._parts.index(self.part) + 1 :]
         skipped = (WATCHING, CORRECTING) if self._maker.failed else ()
         self.part = next(part for part in rest if part not in skipped)
@@ -305,7 +305,7 @@ class Study:
 
     @property
     def is_finished(self) -> bool:
-        """Whether the person took part to the end, and what they did is in one archive."""
+        """Whether the person took part to the end, and their results are in one archive."""
         return self.part == THANKS
 
     def _delete(self) -> None:
@@ -315,14 +315,14 @@ class Study:
         self.clear()
 
     def clear(self) -> None:
-        """Delete what need not stay: all of it where nobody agreed, or not any more."""
+        """Delete files that need not stay: all of them without consent, or once it is withdrawn."""
         if self.part == DELETED:
             with suppress(FileNotFoundError):
                 self._folder.with_suffix(".zip").unlink()
         if self.part in (CONSENT, THANKS, DELETED):
             shutil.rmtree(self._folder, ignore_errors=True)
 
-    # ---- what the page shows
+    # ---- fields of the page
 
     def view(self) -> dict[str, Any]:
         """Return the page's fields of the study, in JSON's types."""
@@ -361,12 +361,12 @@ class Study:
 class StudyTree(PageTree):
     """Makes the tree of a person of a study.
 
-    It shows neither commands nor a choice, and keeps each tree with what it reached.
+    It shows neither commands nor a choice, and keeps each tree with its results.
 
     Args:
         folder: The person's, where the trees are kept; the demonstrations are in it.
         spec: Where the tree plays and practises.
-        plan: What is the same for each person.
+        plan: The plan, the same for each person.
     """
 
     def __init__(self, folder: Path, spec: EnvironmentSpec, plan: StudyPlan) -> None:
@@ -381,7 +381,7 @@ class StudyTree(PageTree):
         return [result.tree for result in self.results]
 
     def make(self, show: "Show", stop: Callable[[], bool]) -> None:
-        """Make the tree of what was shown, or of that and what was put right."""
+        """Make the tree of the demonstrations, or of these and the corrections."""
         name, of_all = TAKEN_OVER if FITTED in self.names else FITTED, super().make
         watched = self._watched if name == FITTED else -1
         self._keep(name, lambda: of_all(_plainly(show, watched), stop))

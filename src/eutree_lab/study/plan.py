@@ -1,4 +1,4 @@
-"""What a study asks of each person: the same parts, episodes and questions, one consent text.
+"""The plan of a study: the same parts, episodes and questions for all, one consent text.
 
 A study's folder holds ``study.toml`` and ``consent.md``; both are written with the usual content
 where they are missing. Once a person has taken part neither may change, nor the environment.
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from eutree.recording import Session
 
 PLAN, CONSENT_TEXT = "study.toml", "consent.md"
-PERSON = re.compile(r"[0-9a-f]{8}")  # what a person is called
+PERSON = re.compile(r"[0-9a-f]{8}")  # the code of a person
 MAX_TEXT = 1 << 20  # bytes of a file that a researcher writes
 MAX_ANSWER = 400  # characters
 
@@ -31,10 +31,10 @@ class Question(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
 
     Attributes:
         text: The question, or a statement to agree with.
-        low: What the first point of a scale means.
-        high: What the last point of a scale means.
+        low: Meaning of the first point of a scale.
+        high: Meaning of the last point of a scale.
         points: Points of the scale; 0 where there is none.
-        choices: What can be chosen; empty where there is nothing to choose.
+        choices: The choices; empty where there are none.
     """
 
     text: str
@@ -49,12 +49,12 @@ class Question(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
 
     @property
     def options(self) -> tuple[str, ...]:
-        """What may be answered; empty for words."""
+        """The possible answers; empty for words."""
         return self.choices or tuple(str(point + 1) for point in range(self.points))
 
 
 class StudyPlan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """What is the same for each person.
+    """The plan, the same for each person.
 
     Attributes:
         seed: Seed of all episodes.
@@ -63,7 +63,7 @@ class StudyPlan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
         watched: Most episodes in which the person watches the tree.
         taken_over: Episodes in which the person may take over from the tree.
         practises: Whether the tree practises by itself in the end.
-        questions: What each person is asked.
+        questions: Questions to each person.
     """
 
     seed: int = 0
@@ -89,10 +89,10 @@ def open_plan(folder: Path, *settings: object) -> tuple[StudyPlan, str, str]:
 
     Args:
         folder: The study; made if it is missing, and so are its two files.
-        settings: What else is the same for each person: the environment, its keys and its pace.
+        settings: The same for each person, too: the environment, its keys and its pace.
 
     Raises:
-        FormatError: A file says what it cannot mean.
+        FormatError: A file is not valid.
         FileError: A file cannot be read or written.
     """
     make_folder(folder)
@@ -110,7 +110,7 @@ def open_plan(folder: Path, *settings: object) -> tuple[StudyPlan, str, str]:
     return plan, text, digest[:16]
 
 
-# The parts: their order, what is obeyed in them, and which of their episodes are done.
+# The parts: their order, the commands obeyed in them, and which of their episodes are done.
 
 
 CONSENT, PRACTICE, SHOWING, MAKING = "consent", "practice", "showing", "making"
@@ -121,7 +121,7 @@ PARTS = (
 )  # fmt: skip
 READ = 2.0  # seconds in which the end of an episode is read
 ACTING = ("start", "pause", "wait")
-ALLOWED = {  # what a person may command in each part; in all others, nothing
+ALLOWED = {  # commands of a person in each part; in all others, none
     PRACTICE: ACTING,
     SHOWING: ACTING,
     WATCHING: ("start", "pause", "end", "redo"),
@@ -168,7 +168,7 @@ class Counts:
         return part in found and found[part] >= getattr(self._plan, COUNTED.get(part, "episodes"))
 
     def set_practice_aside(self) -> None:
-        """Let no tree learn from what was recorded so far."""
+        """Let no tree learn from the episodes recorded so far."""
         for place, episode in enumerate(self._session.episodes):
             if episode.kept:
                 self._session.recording.mark(place, kept=False, comment=PRACTICE)

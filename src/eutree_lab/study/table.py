@@ -1,4 +1,4 @@
-"""The table of a study: what each person reached, and their trees; means with intervals."""
+"""The table of a study: results of each person and of their trees; means with intervals."""
 
 import csv
 import io
@@ -26,7 +26,7 @@ DIFFERENCES = (("taken-over", "fitted"), ("practised", "taken-over"), ("practise
 
 @dataclass(frozen=True)
 class StudyTable:
-    """What came of a study.
+    """Results of a study.
 
     Attributes:
         rows: One for each person who took part to the end, by column; None where nothing is known.
@@ -69,7 +69,7 @@ class StudyTable:
         return text.getvalue()
 
     def __str__(self) -> str:
-        """Return the table, the means below it, and what was asked."""
+        """Return the table, the means below it, and the questions."""
         heads, rows = self.columns, [[_said(row[name]) for name in self.columns]
                                      for row in self.rows]  # fmt: skip
         widths = [max(map(len, column)) for column in zip(heads, *rows, strict=True)]

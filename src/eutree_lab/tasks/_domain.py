@@ -1,7 +1,7 @@
-"""What the small domains share: episodes, time limits, actions, pictures.
+"""The base of the small domains: episodes, time limits, actions, pictures.
 
-A domain says where an episode starts, where an action leads and what is seen; ``Domain`` makes a
-Gymnasium environment of it.
+A domain gives the start of an episode, the step of an action and the observation; ``Domain`` makes
+a Gymnasium environment of it.
 """
 
 from collections.abc import Sequence
@@ -115,11 +115,11 @@ class Domain(gymnasium.Env[Floats, Any]):
         raise NotImplementedError
 
     def _observe(self) -> Floats:
-        """Return what is seen of the state: all of it, if not said otherwise."""
+        """Return the observation of the state: all of it, if not overridden."""
         return self.state.copy()
 
     def _sketch(self) -> _sketch.Sketch:
-        """Return what there is to see."""
+        """Return the picture of the state."""
         raise NotImplementedError
 
     def _show(self) -> None:
@@ -138,18 +138,18 @@ class Domain(gymnasium.Env[Floats, Any]):
 
 
 class ModelledDomain(Domain):
-    """A domain with a known model: without noise, its state is what is observed."""
+    """A domain with a known model: without noise, its state is the observation."""
 
     endings: tuple[str, ...] = ("", GOAL)
 
     def model(
         self, states: Floats, actions: Integers
     ) -> tuple[Floats, Floats, Booleans]:  # [N, d], [N], [N]
-        """Return where actions lead without noise: next states, rewards, and what ends there.
+        """Return the steps of actions without noise: next states, rewards, and ends.
 
         Args:
             states: Where to start, shape [N, d]; any states, not only those of an episode.
-            actions: What to do in each, shape [N].
+            actions: Action in each, shape [N].
         """
         after, rewards, endings = self._advance(states, actions)
         return after, rewards, endings > 0

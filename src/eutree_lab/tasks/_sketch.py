@@ -1,7 +1,7 @@
 """Plain pictures of small domains: boxes, lines and discs on a unit square.
 
-A domain says what there is to see in coordinates from 0 to 1, x to the right and y up; here it
-becomes pixels. pygame is imported where it is used; the extra ``record`` installs it.
+A domain gives its shapes in coordinates from 0 to 1, x to the right and y up; here they become
+pixels. pygame is imported where it is used; the extra ``record`` installs it.
 """
 
 from typing import Any, NamedTuple

@@ -48,7 +48,7 @@ def walk(walls: Floats, states: Floats, moves: Floats) -> Floats:
     apart = walls[np.newaxis, :, :2] - states[:, np.newaxis]  # [N, W, 2]
     there = moves[:, np.newaxis]
     with np.errstate(divide="ignore", invalid="ignore"):
-        # states + t moves = wall + u along; what is parallel gives nan or inf and never meets.
+        # states + t moves = wall + u along; parallels give nan or inf and never meet.
         across = _cross(there, along)  # [N, W]
         t, u = _cross(apart, along) / across, _cross(apart, there) / across
     meets = (t >= 0.0) & (u >= -1e-9) & (u <= 1.0 + 1e-9)

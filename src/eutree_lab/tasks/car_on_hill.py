@@ -65,7 +65,7 @@ class CarOnHillEnv(ModelledDomain):
 
     @property
     def discount(self) -> float:
-        """What a step discounts."""
+        """The discount of a step."""
         return float(DISCOUNT_PER_SECOND**self.time_step)
 
     def _start(self) -> Floats:

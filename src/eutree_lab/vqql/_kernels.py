@@ -89,8 +89,8 @@ def q_learning(
 ) -> None:
     """Update Q by the transitions, in their order (Watkins 1989).
 
-    The n-th update of a state and action has the rate n ** -rate, so the first one replaces what
-    stood there. Actions never tried are left out of the maximum; a state without any has value 0.
+    The n-th update of a state and action has the rate n ** -rate, so the first one replaces the
+    value there. Actions never tried are left out of the maximum; a state without any has value 0.
     """
     for i in range(states.shape[0]):
         # values and tried hold the updates of the transitions before i.

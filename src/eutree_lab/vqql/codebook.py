@@ -34,7 +34,7 @@ class Codebook:
         tree: The outer partition: no region reaches across a cut of it.
         codewords: In units of the scale.
         first: First region of each leaf, and their number at the end.
-        scale: What one unit of each feature is.
+        scale: Unit of each feature.
     """
 
     tree: DecisionTree
@@ -101,9 +101,9 @@ def codebook_in_leaves(
 
     Args:
         tree: The outer partition.
-        observations: What to stand for, shape [N, d].
+        observations: Observations to quantize, shape [N, d].
         n_regions: Regions in all; at least one for each leaf.
-        scale: What one unit of each feature is, shape [d].
+        scale: Unit of each feature, shape [d].
     """
     points = observations / scale
     leaves = tree.leaf_index(observations)

@@ -10,9 +10,9 @@ is a codebook *inside each of its leaves*: no region reaches across a place wher
 his mind, and with one codeword in each leaf the regions are the expert tree itself.
 
 The published quantizer is designed once, from random interaction, which never sees the interesting
-part of many tasks. Here it is designed anew in every update from all that is stored; a new codeword
-takes over the values of the region that it lies in, and the stored transitions are replayed. What
-one step changes is the unit of each feature, so that units of measurement do not matter.
+part of many tasks. Here every update designs it again from all that is stored; a new codeword takes
+over the values of the region that it lies in, and the stored transitions are replayed. The change
+in one step is the unit of each feature, so that units of measurement do not matter.
 """
 
 from collections.abc import Iterable, Mapping

@@ -63,8 +63,8 @@ def influence(
 ) -> int:
     """Write the solution of I = source + P^T I; return the rounds it took.
 
-    What flows in round k is (P^T)^k source; every round the discounts make it less, so the sum of
-    what flows bounds the error made by stopping.
+    The flow of round k is (P^T)^k source; every round the discounts make it less, so the sum of the
+    flow bounds the error made by stopping.
     """
     flow, after = source.copy(), np.empty(source.shape[0])
     total[:] = source

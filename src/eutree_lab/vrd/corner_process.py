@@ -7,7 +7,7 @@ tau(x, u) steps to eta(x, u), where the value is interpolated:
 
 (Munos and Moore 2002, in discrete time). Held for a single step, the trajectory would stay beside
 the corner and interpolation would smear the value over the box at every step. Ends are expected,
-not drawn: their chance takes weight from what follows.
+not drawn: their chance takes weight from the steps after.
 """
 
 from collections.abc import Callable
@@ -30,7 +30,7 @@ SMALLEST_WEIGHT = 1e-12
 
 
 class CornerWorld(Protocol):
-    """What a process is made of.
+    """The world that a process is made of.
 
     Attributes:
         n_actions: Number of actions A.
@@ -142,7 +142,7 @@ class ModelledWorld:
 
 @dataclass(frozen=True, eq=False)
 class CornerRows:
-    """What comes of each action at N points, held as long as it is.
+    """Outcomes of each action at N points, held until its box is left.
 
     Attributes:
         successor: Corners that the value behind it is interpolated from.
@@ -171,7 +171,7 @@ class CornerRows:
 
 
 def rows(grid: Grid, world: CornerWorld, points: Floats) -> CornerRows:
-    """Return what comes of every action at points, shape [N, d]."""
+    """Return the outcomes of every action at points, shape [N, d]."""
     n, n_actions = points.shape[0], world.n_actions
     places = np.repeat(points, n_actions, axis=0)  # [N A, d]
     actions = np.tile(np.arange(n_actions), n)
@@ -217,7 +217,7 @@ class Solved:
 
     Attributes:
         grid: The grid.
-        process: What comes of each action at the corners.
+        process: Outcomes of each action at the corners.
         values: V of each corner.
         policy: Best action of each corner.
         converged: Whether the solver vouches for the values.

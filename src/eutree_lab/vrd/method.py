@@ -1,12 +1,12 @@
 """Variable resolution discretization in a learned world model.
 
 R. Munos and A. Moore, *Variable Resolution Discretization in Optimal Control* (Machine Learning 49,
-2002), take the world as given; here a world model is fitted to what was lived through, in every
+2002), take the world as given; here a world model is fitted to the stored transitions, in every
 update: the model, the process over the corners of the boxes, its exact solution, and boxes halved
-where a criterion says so (:mod:`eutree_lab.vrd.influence`). The expert tree is the first
-partition, and its actions at the corners are the first policy, kept on ties.
+where a criterion says so (:mod:`eutree_lab.vrd.influence`). The expert tree is the first partition,
+and its actions at the corners are the first policy, kept on ties.
 
-The method's own policy is a look-ahead in the model. What is shown is C4.5's tree of it.
+The method's own policy is a look-ahead in the model. The tree shown is C4.5's of its actions.
 """
 
 from dataclasses import dataclass, replace
@@ -54,8 +54,8 @@ class VariableResolutionMethod:
         first_boxes: Boxes at the first solution; all are halved until there are so many. Where
             they are too coarse V is so wrong that criteria refine the wrong places.
         criterion: Where boxes are halved: "average", "nonlinearity", "disagreement", "combined",
-            "stdev_inf" or "starts" (the influence on the starts of what was demonstrated;
-            "average" where nothing was).
+            "stdev_inf" or "starts" (the influence on the starts of demonstrations; "average" where
+            there are none).
         share: Share of the boxes that one refinement halves.
         refinements: Refinements in an update.
         max_corners: Corners (states) from which on nothing is halved.
@@ -311,7 +311,7 @@ class CornerPolicy:
     Attributes:
         solved: Boxes and values; None before there are any.
         world: Where actions lead; None with them.
-        expert: What decides in that case; None: the first action.
+        expert: The policy in that case; None: the first action.
     """
 
     solved: Solved | None
@@ -338,7 +338,7 @@ class CornerPolicy:
 
 
 def _dynamics(model: TrueModel) -> Dynamics:
-    """Return a model that says what ends as one that says how likely it goes on."""
+    """Return the model with the chance to go on in place of whether the task ends."""
 
     def dynamics(states: Floats, actions: Integers) -> tuple[Floats, Floats, Floats]:
         after, rewards, ends = model(states, actions)
