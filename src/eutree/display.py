@@ -92,7 +92,7 @@ def told_apart(values: Iterable[float], width: float, *, down: bool = False) -> 
     Two that are nearer than a millionth of the range may look the same.
 
     Args:
-        values: The values.
+        values: Numbers to be shown, of one quantity.
         width: The range over which their digits matter, see ``usual_width``.
         down: Whether a number shown is at most the value, but for a millionth of the range: "at
             most 8.257" is shown as "at most 8.25", which is true.

@@ -40,7 +40,7 @@ class UnknownNameError(InvalidArgumentError):
 
     Args:
         kind: The kind of thing named, for example ``"environment"``.
-        name: The unknown name.
+        name: The name given.
         known: The names that would have been right.
         hint: Another way out.
     """

@@ -201,7 +201,7 @@ class Schema:
     """Features of the observations and names of the actions, both in index order.
 
     Attributes:
-        features: The features.
+        features: Name, unit and bounds of each number observed.
         actions: Names of the actions.
         controls: The quantities of which actions set levels; an action is a combination of levels,
             and those of the last quantity change fastest. Empty where an action is a mere choice.
@@ -479,8 +479,8 @@ class EnvironmentSpec:
     """How to make the environment again: ``gymnasium.make(id, **arguments)``.
 
     Attributes:
-        id: Its id.
-        arguments: Its keyword arguments.
+        id: Id in Gymnasium's registry.
+        arguments: Keyword arguments of ``gymnasium.make``.
         from_file: Names of the arguments that a file chose and no user: with them an environment
             is made only if they are its own, and name no file or module.
     """

@@ -102,7 +102,7 @@ class CarelessPolicy:
     """Takes a random action now and then.
 
     Args:
-        policy: The careful policy.
+        policy: Makes all other decisions.
         choices: The actions to choose from at random: how many there are, or the numbers that each
             of them sets, shape [A, K], of which a policy that answers with such numbers gets a row.
             Whole numbers are the environment's own actions.
@@ -156,7 +156,7 @@ class LatePolicy:
     as for a recurrent policy of Stable-Baselines3.
 
     Args:
-        policy: The prompt policy.
+        policy: Decides at once, on each observation.
         steps: Delay in steps.
     """
 

@@ -88,7 +88,7 @@ def export(policy: TreePolicy, format: str, **options: Any) -> str | bytes:
     """Return the policy in one of the ``FORMATS``.
 
     Args:
-        policy: The policy.
+        policy: Policy to export.
         format: Name of the format.
         options: Arguments of the format's function besides the policy.
     """

@@ -47,7 +47,7 @@ def identifiers(names: Sequence[str], *, reserved: Iterable[str], prefix: str = 
     a row and none at an end, and avoid the ``reserved`` words.
 
     Args:
-        names: The names.
+        names: Names of features or actions, in any script.
         reserved: Words to avoid, in any case.
         prefix: Letters to put before a name that is empty or begins with a digit.
     """

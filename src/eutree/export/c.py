@@ -52,7 +52,7 @@ def to_c(
     """Return C99 source that decides exactly like the policy.
 
     Args:
-        policy: The policy.
+        policy: Policy to export.
         name: Name of the entry point.
         number: Type of the observation's entries. "float" and "int32" round the thresholds so
             that the decisions agree on every number which that type can represent.
@@ -365,7 +365,7 @@ def to_c_test(
     decisions agree and returns 0 if all of them do.
 
     Args:
-        policy: The policy.
+        policy: Policy that the source was made of.
         name: Name of the entry point, as given to ``to_c``.
         number: Type of the observation's entries, as given to ``to_c``.
         scale: Scale of each feature, as given to ``to_c``.

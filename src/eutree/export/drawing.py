@@ -166,7 +166,7 @@ def to_latex(policy: TreePolicy, *, document: bool = False) -> str:
     Latin need LuaLaTeX or XeLaTeX and a font that has their letters.
 
     Args:
-        policy: The policy.
+        policy: Policy to draw.
         document: Whether to return a whole document rather than the picture alone.
     """
     tree, places = policy.tree, layout(policy.tree)

@@ -16,7 +16,7 @@ def to_python(policy: TreePolicy, *, name: str = "decide") -> str:
     that is allowed in the order of the leaf, ``ORDERS``.
 
     Args:
-        policy: The policy.
+        policy: Policy to export.
         name: Name of the function.
     """
     code.check_identifier(

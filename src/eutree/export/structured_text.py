@@ -18,7 +18,7 @@ def to_structured_text(policy: TreePolicy, *, name: str = "decide") -> str:
     that begins an episode; the functions of the controls then take the action.
 
     Args:
-        policy: The policy.
+        policy: Policy to export.
         name: Name of the function.
     """
     code.check_identifier("name", name, reserved=code.STRUCTURED_TEXT_WORDS)

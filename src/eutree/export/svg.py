@@ -30,7 +30,7 @@ def to_svg(policy: TreePolicy, *, standalone: bool = True) -> str:
     one, which the element also carries as ``data-threshold``.
 
     Args:
-        policy: The policy.
+        policy: Policy to draw.
         standalone: Whether the drawing brings its own style; a page that embeds several
             drawings includes ``STYLE`` once instead.
     """

@@ -155,7 +155,7 @@ def backward(
     """Write the gradient of a loss by all weights (Rumelhart, Hinton and Williams 1986).
 
     Args:
-        network: The network.
+        network: Weights of all layers.
         x: Inputs, [n, p].
         at: Activations that ``forward`` wrote for them.
         error: Derivative of the loss by each output, [n, q].

@@ -260,7 +260,7 @@ class DoubleDQN:
         """Return the action of the largest value at an observation [d], by the present weights.
 
         Args:
-            observation: The observation.
+            observation: Features, not yet scaled.
             allowed: Which actions are allowed, shape [A]; None for all.
         """
         x = self._scaling(observation)[np.newaxis]

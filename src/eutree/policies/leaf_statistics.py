@@ -100,7 +100,7 @@ def orders_of(
     those that the nearest leaves of the tree have, the more of them the earlier; then by number.
 
     Args:
-        tree: The tree.
+        tree: Tests and leaves of the policy.
         actions: Action of each leaf, shape [L].
         n_actions: Number of actions A.
         leaves: Statistics of the leaves; None if there are none.

@@ -17,7 +17,7 @@ def within_reach(policy: TreePolicy, low: Floats, high: Floats) -> TreePolicy:
     A cut made in a model of the world may lie beyond all observations of the world.
 
     Args:
-        policy: The policy.
+        policy: Policy to cut down.
         low: Smallest value of each feature that may come, shape [d].
         high: Largest value of each feature that may come, shape [d].
     """
@@ -64,7 +64,7 @@ def among_allowed(policy: TreePolicy, observations: Floats, allowed: Booleans) -
     Such a leaf names the first action of its order that was; its decisions stay the same.
 
     Args:
-        policy: The policy.
+        policy: Policy whose leaves may name forbidden actions.
         observations: Where actions were masked, shape [N, d].
         allowed: Which actions were allowed there, shape [N, A].
     """
@@ -81,7 +81,7 @@ def ever_allowed(policy: TreePolicy, observations: Floats, allowed: Booleans) ->
     Of a leaf that no observation reached nothing is known: all are.
 
     Args:
-        policy: The policy.
+        policy: Policy of L leaves.
         observations: Where actions were masked, shape [N, d].
         allowed: Which actions were allowed there, shape [N, A].
     """

@@ -292,7 +292,7 @@ class TreePolicy(Displayed):
         """Return the action for one sequence of the tree's features (history included).
 
         Args:
-            features: The features.
+            features: Numbers of one step, in the schema's order.
             allowed: Which actions are allowed, shape [A]; None for all.
         """
         actions = self._action_list

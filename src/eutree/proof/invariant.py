@@ -116,7 +116,7 @@ def largest_invariant(acting: Acting, plant: Plant, keeps: Booleans, grid: State
 
     Args:
         acting: The policy on boxes.
-        plant: The plant.
+        plant: Moves the cells.
         keeps: Which cells keep the conditions, shape [C].
         grid: The cells.
     """

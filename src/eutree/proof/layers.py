@@ -35,7 +35,7 @@ class Layers:
     """The states after each number of steps, in boxes along a plant's axes.
 
     Args:
-        policy: The policy.
+        policy: Decides in the boxes.
         plant: The plant, which has axes.
         refine: How many times finer than the plant's own the cells are.
 
@@ -155,7 +155,7 @@ def worst_starts(
 
     Args:
         acting: The policy on boxes.
-        plant: The plant.
+        plant: Gives starts and moves states.
         harm: How bad measures [m, N] are, shape [N].
         horizon: Steps of an episode.
     """

@@ -89,7 +89,7 @@ class Plant:
         """Return the plant's own answer; None where boxes are to be followed.
 
         Args:
-            policy: The policy.
+            policy: Policy in question.
             asked: The property.
             refinements: How many times finer than the plant's own cells are, one after the other.
         """

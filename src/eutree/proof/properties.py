@@ -61,7 +61,7 @@ def parse(text: str, schema: Schema | None) -> EpisodeProperty:
     """Return the property that a text describes.
 
     Args:
-        text: The text.
+        text: Such as ``"arrives within 200 steps"``.
         schema: Names of the numbers of the plant's state; None where no plant is known.
 
     Raises:

@@ -47,7 +47,7 @@ class Acting:
     """A policy on boxes of states.
 
     Args:
-        policy: The policy.
+        policy: Decides on observations of states.
         plant: The plant, which says how it observes them and with which precision.
 
     Raises:
@@ -148,7 +148,7 @@ class Reach:
 
     Args:
         acting: The policy on boxes.
-        plant: The plant.
+        plant: Gives starts and moves boxes.
         event: Whether it has happened in states.
         horizon: Steps that are looked at.
         effort: How far to go.
@@ -358,7 +358,7 @@ def boxes_along(
 
     Args:
         acting: The policy on boxes.
-        plant: The plant.
+        plant: Moves the boxes.
         pieces: Lower and upper bounds of the starts, shapes [N, d].
         steps: How many steps.
     """

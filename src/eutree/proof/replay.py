@@ -47,9 +47,9 @@ def replay(
 
     Args:
         plant: The plant, which makes the environment and puts it there.
-        policy: The policy.
+        policy: Chooses the actions.
         start: A state, shape [d].
-        steps: Most steps.
+        steps: Steps after which the episode is cut short.
         env: The environment, where many episodes are played; else one is made.
     """
     made = env
@@ -71,8 +71,8 @@ def breaking_seed(
     """Return the seed and step of a real episode that breaks conditions; None if none does.
 
     Args:
-        plant: The plant.
-        policy: The policy.
+        plant: Makes the environment.
+        policy: Chooses the actions.
         broken: Whether states break them.
         episodes: How many are played, of the seeds 0, 1, 2 ...
     """
@@ -99,7 +99,7 @@ def check_plant(
     Before every step a box of random size is laid around the state.
 
     Args:
-        plant: The plant.
+        plant: Plant to be tested.
         episodes: How many episodes are played.
         steps: Most steps of each.
         generator: Source of all chance.

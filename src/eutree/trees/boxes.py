@@ -54,7 +54,7 @@ def meetings(low: Floats, high: Floats, tree: DecisionTree) -> Iterator[tuple[In
     Args:
         low: Exclusive lower bounds, shape [B, d].
         high: Inclusive upper bounds, shape [B, d].
-        tree: The tree.
+        tree: Tree of the leaves.
 
     Yields:
         Pairs, by box and then by leaf; of at most ``_BOXES_AT_ONCE`` boxes at a time.

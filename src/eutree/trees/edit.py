@@ -77,7 +77,7 @@ def merge(tree: DecisionTree, labels: Integers) -> tuple[DecisionTree, Integers]
     right; so dropping such a test is exact for NaN too.
 
     Args:
-        tree: The tree.
+        tree: Tree to be made smaller.
         labels: Label of each leaf, shape [L].
 
     Returns:
@@ -105,7 +105,7 @@ def reachable(tree: DecisionTree, reached: Booleans) -> tuple[DecisionTree, Inte
     """Return the tree without the tests that have a child which is not reached.
 
     Args:
-        tree: The tree.
+        tree: Tree of M nodes.
         reached: Which nodes are reached, shape [M].
 
     Returns:
@@ -134,7 +134,7 @@ def rebuild(tree: DecisionTree, source: Integers, label: Integers) -> tuple[Deci
     """Return the tree of the nodes that still stand, in preorder, and the labels of its leaves.
 
     Args:
-        tree: The tree.
+        tree: Tree of M nodes.
         source: The node that stands in each node's place: itself, or one below it, shape [M].
         label: Label of each node that is a leaf now, ``INNER`` of the others, shape [M].
     """

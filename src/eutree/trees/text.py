@@ -291,7 +291,7 @@ def rules(tree: DecisionTree, schema: Schema, leaves: Sequence[str], *, exact: b
     """Return the tree as nested rules.
 
     Args:
-        tree: The tree.
+        tree: Tests to be written.
         schema: Names and units of its features.
         leaves: Text of each leaf.
         exact: Whether thresholds have all their digits, in place of those that a reader needs.

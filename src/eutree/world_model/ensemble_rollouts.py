@@ -125,7 +125,7 @@ def pruned_by_rollouts(
     """Return the tree pruned to at most so many leaves, and its score in the rollouts.
 
     Args:
-        tree: The tree.
+        tree: Tree to prune.
         rollouts: Where rollouts are run; they end with the result run.
         max_leaves: Most leaves of the result.
         generator: Source of the cuts that are tried.

@@ -36,7 +36,7 @@ class Rollouts(ABC):
     """Rollouts of a policy in a world model, and of rivals with the same chance.
 
     Args:
-        model: The world model.
+        model: World that episodes run in.
         n_episodes: Number of episodes E.
         generator: Source of the random numbers of ``redraw``.
 
@@ -158,7 +158,7 @@ class PairedRollouts(Rollouts):
     """Rollouts of a policy in a world model of trees.
 
     Args:
-        model: The world model.
+        model: World that episodes run in.
         n_episodes: Number of episodes E.
         discount: gamma.
         generator: Source of the random numbers of ``redraw``.

@@ -226,9 +226,9 @@ def specs(
     smaller experiment that is whole.
 
     Args:
-        runs: Seeds.
+        runs: Number of seeds.
         methods: Methods to run.
-        first_seed: The first seed.
+        first_seed: Seed of the first; the others follow it.
         smoke: Whether each run is a tiny one.
 
     Raises:

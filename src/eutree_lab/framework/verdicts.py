@@ -44,7 +44,7 @@ class Expectation:
     """An expectation, written down before any run.
 
     Attributes:
-        method: The method.
+        method: Name of the method.
         first: The arm of which it is said; with ``second`` None, learning time is meant.
         second: The arm it is compared with, by the mean score along the curve.
         similar: Whether both are expected to be alike, to 0.05; else the first is to be above.
@@ -100,7 +100,7 @@ class Finding:
     """The verdict of the runs on one expectation.
 
     Attributes:
-        expectation: The expectation.
+        expectation: Sentence that is judged.
         holds: ``"holds"``, ``"does not hold"``, ``"cannot be told"`` or ``"refused"``.
         estimate: Ratio of learning times, or difference of mean scores; None where refused.
         tasks: The tasks that it is made of.
@@ -207,7 +207,7 @@ def for_good(scores: Floats, episodes: Integers, level: float) -> tuple[Floats, 
     Args:
         scores: Scores of each run at each evaluation, shape [N, P].
         episodes: Episodes before each evaluation, ascending, shape [P].
-        level: The level.
+        level: Score to be reached.
 
     Returns:
         The first evaluation from which all later ones are at the level, or the last, [N]; and

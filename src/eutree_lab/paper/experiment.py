@@ -80,7 +80,7 @@ class Experiment:
 
     Attributes:
         id: Its name, after the figure or table.
-        title: Its title.
+        title: Heading of its figure or table.
         specs: The runs that it needs, at a scale and under a preset.
         judge: The claims, from its records under a preset.
         draw: Draws the panel of a preset from its records; None where there is no figure.

@@ -55,7 +55,7 @@ def reproduce(
     """Run, judge, draw and report some experiments.
 
     Args:
-        experiments: The experiments.
+        experiments: Figures and tables to reproduce.
         folder: Results; runs that are already there are not done again.
         scale: How much.
         presets: Settings of the learners, side by side.

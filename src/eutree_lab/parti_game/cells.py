@@ -51,7 +51,7 @@ class Cells:
         A leaf that lies outside of the box becomes a cell of no volume and has no neighbours.
 
         Args:
-            tree: The tree.
+            tree: Tree whose leaves become cells.
             low: Lower corner of the box, shape [d], finite.
             high: Upper corner, shape [d], above the lower one in every axis.
             goals: Lower and upper corners of the goal's boxes, shape [G, 2, d].

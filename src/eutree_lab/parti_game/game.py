@@ -76,7 +76,7 @@ class PartiGame:
 
     Attributes:
         cells: The present partition.
-        controller: The local controller.
+        controller: Chooses actions that lead to the aim.
         rules: The choices of the algorithm.
         expert: The expert's action at an observation; None if there is none.
         demonstrated: Observations of each demonstration and how it ended (GOAL, LOST, CUT_SHORT).

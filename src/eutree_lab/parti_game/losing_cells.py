@@ -45,7 +45,7 @@ def cells_to_split(cells: Cells, costs: AimCosts, variant: str) -> Integers:
     """Return the cells that a variant halves, ascending.
 
     Args:
-        cells: The cells.
+        cells: Present partition.
         costs: J of each.
         variant: One of ``VARIANTS``.
     """
@@ -67,7 +67,7 @@ def cells_to_improve(cells: Cells, costs: AimCosts) -> Integers:
     The goal is a neighbour of cost 0.
 
     Args:
-        cells: The cells.
+        cells: Present partition.
         costs: J of each.
     """
     dear = [
@@ -93,7 +93,7 @@ def explained_cuts(
     """Return cuts (cell, axis, threshold) of border cells whose starts explain the outcomes.
 
     Args:
-        cells: The cells.
+        cells: Present partition.
         costs: J of each.
         outcomes: Where one set out, and arrived.
         level: Chance of a cut as good where starts explain nothing, over all that were tried.

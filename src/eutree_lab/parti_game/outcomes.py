@@ -157,7 +157,7 @@ def expert_outcomes(cells: Cells, episodes: Iterable[tuple[Floats, int]]) -> lis
     """Return the outcomes of following the expert, segment by segment of its episodes.
 
     Args:
-        cells: The cells.
+        cells: Present partition.
         episodes: Observations of each episode, [T + 1, d], and how it ended: GOAL, LOST or 0 where
             it was cut short.
     """

@@ -39,7 +39,7 @@ class Payoffs:
         goal: The end at the goal.
         collision: The end by a collision.
         late: The end by the time limit.
-        stop: Every stop.
+        stop: One stop of the agent.
         low: No episode is worth less, from any step on.
         high: Nor more.
     """

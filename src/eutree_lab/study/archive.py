@@ -41,10 +41,10 @@ class TreeResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
 
     Attributes:
         tree: ``"fitted"``, ``"taken-over"`` or ``"practised"``.
-        leaves: Its leaves.
+        leaves: Number of leaves.
         episodes: Episodes it played.
         successes: How many of them succeeded; None where nothing says so.
-        mean_return: Their mean return.
+        mean_return: Mean return of these episodes.
     """
 
     tree: str

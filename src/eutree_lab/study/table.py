@@ -88,7 +88,7 @@ def study_table(study: Path, *, episodes: int = 500, seed: int = 1_000_003) -> S
     Args:
         study: The folder with the archives.
         episodes: How many episodes each tree plays.
-        seed: Their seed.
+        seed: Seed of these episodes.
 
     Raises:
         InvalidArgumentError: There is no archive, or they are not of one study.

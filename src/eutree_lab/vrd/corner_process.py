@@ -146,7 +146,7 @@ class CornerRows:
 
     Attributes:
         successor: Corners that the value behind it is interpolated from.
-        weight: Their Kuhn weights.
+        weight: Kuhn weight of each of these corners.
         discount: discount^tau times the chance to go on all the way.
         reward: Discounted sum of the rewards on the way.
         leaf: The box that the trajectory ended in.
@@ -216,7 +216,7 @@ class Solved:
     """A grid whose process is solved.
 
     Attributes:
-        grid: The grid.
+        grid: Boxes and their corners.
         process: Outcomes of each action at the corners.
         values: V of each corner.
         policy: Best action of each corner.
@@ -252,7 +252,7 @@ def solved(
     """Return a grid with its process solved.
 
     Args:
-        grid: The grid.
+        grid: Boxes and their corners.
         world: Where actions lead.
         before: A coarser grid, solved: where values begin.
         initial_policy: Action of each corner kept on ties, shape [C].
