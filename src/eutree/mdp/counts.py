@@ -182,8 +182,8 @@ class TransitionCounts:
     ) -> None:
         """Take transitions back, the inverse of ``observe``.
 
-        Counts return exactly, reward sums only to rounding: see ``set_rewards``. A row that was
-        never counted raises, with the rows before it already taken back.
+        Counts are restored exactly, reward sums only to rounding: see ``set_rewards``. A row that
+        was never counted raises, with the rows before it already taken back.
         """
         rows = self._checked(states, actions, rewards, next_states)
         row = _kernels.forget_rows(self.arrays, rows)

@@ -166,7 +166,7 @@ def cut(
     out_high: Floats,  # [N * L, d]
     out_part: Integers,  # [N * L]
 ) -> int:
-    """Write the share of each box that may lie in each part; return the number of such boxes."""
+    """Write a box around each intersection of a box with a part; return their number."""
     size = 0
     for i in range(low.shape[0]):
         for part in range(parts.low.shape[0]):

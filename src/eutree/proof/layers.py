@@ -101,7 +101,7 @@ class Layers:
     def _parts(
         self, parts: kernels.Parts, low: Floats, high: Floats
     ) -> Iterator[tuple[Floats, Floats, Integers]]:
-        """Yield the shares of boxes in each part, and the part's number, some boxes at a time."""
+        """Yield boxes around intersections with parts, and the parts' numbers, some at a time."""
         for begin in range(0, len(low), _AT_ONCE):
             some = slice(begin, begin + _AT_ONCE)
             room = len(low[some]) * len(parts.low)

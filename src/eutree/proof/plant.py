@@ -170,7 +170,7 @@ class CartPole(Plant):
     Its axes are those of the upright pole. Along the first it falls, 8 % farther with every step,
     and along the second it comes to rest; the quarter stands for 1 / 3.97 s, for it is exact. The
     other two are the speed and the place of the point of the pole that a push on the cart does not
-    move: sums of the angle.
+    move: sums of the angle over time.
     """
 
     state = ("position", "velocity", "angle", "angular_velocity")

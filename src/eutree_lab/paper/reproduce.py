@@ -201,7 +201,7 @@ def _page(
 
 
 def _verdict(claims: Sequence[Claim]) -> str:
-    """Return how many claims hold, fail, and remain open."""
+    """Return how many claims have each verdict."""
     counts = Counter(claim.holds for claim in claims)
     found = ", ".join(
         f"{counts[verdict]} {one if counts[verdict] == 1 else many}"
