@@ -32,7 +32,7 @@ class EutreeError(Exception):
 
 
 class InvalidArgumentError(EutreeError, ValueError):
-    """An argument has a wrong type or value; the message says which, and which are allowed."""
+    """An argument has a wrong type or value; the message names it and the allowed ones."""
 
 
 class UnknownNameError(InvalidArgumentError):

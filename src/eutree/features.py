@@ -2,9 +2,9 @@
 
     features of step t = o_t, o_{t-1}, ..., o_{t-H}, onehot(a_{t-1}), ..., onehot(a_{t-K})
 
-the latest first. If one observation does not show it, a direction of movement for example, a few of
-its predecessors do; McCallum's U-Tree (1996) tests previous actions too. Before the first step the
-observations repeat the first one, and no action was taken: all its entries are 0.
+the latest first. A direction of movement, for example, is not in one observation but in a few of
+them; McCallum's U-Tree (1996) tests previous actions too. Before the first step the observations
+repeat the first one, and no action was taken: all its entries are 0.
 
 This is the one place in which the past is stacked: for the environment at the border, for recorded
 episodes, and for policies, which keep a ``FeatureMap`` so that an export can name its inputs.

@@ -1,4 +1,4 @@
-"""The shared argument checks: each message names the argument, the values allowed, and its own."""
+"""The shared argument checks: each message names the argument, its rule and the value given."""
 
 import math
 from collections.abc import Iterable, Mapping

@@ -6,6 +6,8 @@ from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parents[2]
 SOURCES = sorted((ROOT / "src").rglob("*.py"))
 FORBIDDEN_NAMES = {"obs", "acts", "rews", "done", "dones", "next_obs", "demo_data"}

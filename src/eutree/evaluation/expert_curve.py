@@ -101,7 +101,7 @@ class ExpertCurve:
 
     @property
     def _doubt(self) -> str:
-        """A further cause where more episodes do not help and the tree still errs; else ""."""
+        """The likely cause where more episodes do not help and the tree still errs; else ""."""
         error = 1.0 - self.points[-1].accuracy
         if error < _MUCH:
             return ""

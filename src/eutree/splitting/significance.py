@@ -133,7 +133,7 @@ def similar(lengths: Integers) -> Integers:
 
 @dataclass(frozen=True, eq=False)
 class _Group:
-    """The constants between the draws of one tested sample."""
+    """The arrays that all draws of one tested sample share."""
 
     order: Integers  # [d, n] rows in the order of each attribute
     legal: Booleans  # [d, n] as in _kernels.best_cut

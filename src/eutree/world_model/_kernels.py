@@ -108,7 +108,7 @@ def keep(
     out: Episodes,
     k: int,
 ) -> int:
-    """Copy the steps of episode e that before ``until`` to k and on; return the next free row."""
+    """Copy the steps of episode e before ``until`` to k and on; return the next free row."""
     for i in range(before.first[e], until):
         for j in range(before.states.shape[1]):
             out.states[k, j] = before.states[i, j]
