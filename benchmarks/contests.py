@@ -4,8 +4,8 @@ The incumbent always earns 0, so the return of the challenger is the difference 
 in [-100, 100]. *Level*: it earns as much on average as the incumbent, and should win in 5 % of the
 contests at most. *Power*: it earns 2, or 5, more. The rule looks after every pair and gives up as
 ``Better`` does. Beside it: the rule that is not told the range, and Student's t, looked at as often
-as the rule asks for a heat. Then: how good the tree is that ``Halving`` and ``SmallestWithin`` take
-of many.
+as the rule asks for episodes. Then: how good the tree is that ``Halving`` and
+``SmallestWithin`` take of many.
 
 Run: python benchmarks/contests.py [--paths 20000] [--most 1000]
 """
@@ -103,7 +103,7 @@ def known_range(gains: Floats) -> Booleans:
 
 
 def seen_range(gains: Floats) -> Booleans:
-    """Return which win where it is not known; it is looked at between two heats."""
+    """Return which win where it is not known; it is looked at each time more is asked for."""
     won = np.zeros(len(gains), dtype=bool)
     gone = hopeless_after(gains)
     for n in looks(gains.shape[1]):

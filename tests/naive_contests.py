@@ -1,7 +1,7 @@
 """Contests as plain loops over lists: slow, obvious twins of the rules of ``eutree.contests``.
 
 A table is a list of rows, a row a list of returns in the order of starts; None is an episode that
-was not run. A rule's twin returns ("heat", trees, number of starts) or ("verdict", winner).
+was not run. A rule's twin returns ("run", trees, number of starts) or ("verdict", winner).
 """
 
 import math
@@ -64,7 +64,7 @@ def not_worse(table, *, margin, error, most, known=None, blind=300):
         mean = mean_of(gains) + margin
         if mean + 2.33 * standard_error(gains) < 0 or (n >= most // 2 and mean <= 0):
             return ("verdict", 0)
-    return ("heat", (0, 1), min(max(32, math.ceil(1.5 * n)), most))
+    return ("run", (0, 1), min(max(32, math.ceil(1.5 * n)), most))
 
 
 def halving(table, *, first, most, prices=None, guesses=None):
@@ -72,7 +72,7 @@ def halving(table, *, first, most, prices=None, guesses=None):
     alive, n = list(range(len(table))), min(first, most)
     while True:
         if any(table[tree][start] is None for tree in alive for start in range(n)):
-            return ("heat", tuple(sorted(alive)), n)
+            return ("run", tuple(sorted(alive)), n)
         score = {}
         for tree in alive:
             values = table[tree][:n] + ([guesses[tree]] * 64 if guesses else [])
@@ -91,7 +91,7 @@ def smallest_near_best(table, *, sizes, episodes):
     alive, n = list(range(len(table))), min(32, episodes)
     while True:
         if any(table[tree][start] is None for tree in alive for start in range(n)):
-            return ("heat", tuple(alive), n)
+            return ("run", tuple(alive), n)
         best = max(alive, key=lambda tree: (mean_of(table[tree][:n]), -sizes[tree]))
         error = standard_error(table[best][:n])
         kept = []
@@ -113,7 +113,7 @@ def smallest_near_best(table, *, sizes, episodes):
     for attempt, tree in enumerate(near[:3], 1):
         starts = range(attempt * episodes, (attempt + 1) * episodes)
         if any(table[one][start] is None for one in (best, tree) for start in starts):
-            return ("heat", (best, tree), starts.stop)
+            return ("run", (best, tree), starts.stop)
         if mean_of([table[tree][k] - table[best][k] for k in starts]) >= -error:
             return ("verdict", tree)
     return ("verdict", best)
@@ -125,7 +125,7 @@ def ahead(table, *, looks, errors, final, patient, prices=None, known=None):
     alive = list(range(len(table)))
     for n in looks:
         if any(table[tree][start] is None for tree in alive for start in range(n)):
-            return ("heat", tuple(sorted(alive)), n)
+            return ("run", tuple(sorted(alive)), n)
         gains = {tree: [table[tree][k] - table[0][k] for k in range(n)] for tree in alive[1:]}
         lead = {tree: mean_of(gains[tree]) + prices[0] - prices[tree] for tree in gains}
         rivals = sorted(gains, key=lambda tree: (-lead[tree], tree))

@@ -17,7 +17,7 @@ def lists(table):
 def as_said(found):
     if isinstance(found, Verdict):
         return ("verdict", found.winner)
-    return ("heat", found.trees, found.starts.stop)
+    return ("run", found.trees, found.starts.stop)
 
 
 def follow(rule, twin, n_trees, draw):
@@ -29,7 +29,7 @@ def follow(rule, twin, n_trees, draw):
         if isinstance(found, Verdict):
             return found
         asked = missing(table, found)
-        assert asked  # no heat that is known already
+        assert asked  # nothing that is known already
         for tree, starts in asked:
             table[tree, starts] = draw(tree, starts)
     raise AssertionError("the contest does not end")

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from eutree.contests import Ahead, AheadApart, Heat, Verdict, hold, new_table, next_episode
+from eutree.contests import Ahead, AheadApart, NextEpisodes, Verdict, hold, new_table, next_episode
 from eutree.contests.rules import Lead
 from tests import naive_contests as naive
 from tests.contests.following import follow, seeds, world
@@ -166,7 +166,7 @@ def apart(own, other):
 )
 def test_trees_that_ran_apart_are_compared_by_their_means(own, other, wins):
     found = apart(own, other)
-    assert isinstance(found, Verdict if wins else Heat)
+    assert isinstance(found, Verdict if wins else NextEpisodes)
 
 
 def test_a_lead_is_the_mean_gain_and_its_standard_error():

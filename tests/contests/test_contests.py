@@ -1,4 +1,4 @@
-"""Contests are told returns that a test makes up: their heats, and how often they are wrong."""
+"""Contests of made-up returns: the episodes they ask for, and how often they are wrong."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from eutree.contests import (
     Better,
     Halving,
-    Heat,
+    NextEpisodes,
     NotWorse,
     SmallestWithin,
     Verdict,
@@ -183,7 +183,7 @@ def test_a_budget_that_ends_leaves_the_incumbent_and_the_best_of_the_last_round(
 def test_what_the_table_holds_is_not_run_again():
     table = new_table(2, 512)
     table[1, 2] = 5.0
-    asked = missing(table, Heat((0, 1), range(4)))
+    asked = missing(table, NextEpisodes((0, 1), range(4)))
     assert asked == [(0, [0, 1, 2, 3]), (1, [0, 1, 3])]
 
 

@@ -11,7 +11,7 @@ from tests.export.policies import EVASION, policy_of, tree
 CONFIG = {"method": {"name": "distilled-dqn"}, "environment": "eutree/Evasion2-v0", "seed": 4}
 
 
-def heat(race, entrant, value, **more):
+def raced(race, entrant, value, **more):
     facts = {"stage": "race", "race": race, "entrant": entrant, "origin": "pruned"}
     return {"event": "expansion", "episode": 60, "steps": 900, "return": value, **facts, **more}
 
@@ -31,7 +31,7 @@ def folder(tmp_path):
     end = {"winner": 1, "ahead": 2.5, "error": 0.5, "pairs": 40, "policy": 1}
     known = {"imagined": [1.0, 2.0, 3.0, 4.0, 5.0], "real": [1.0, 3.0, 2.0, 4.0, 5.0],
              "real_episodes": [8, 8, 8, 8, 8]}  # fmt: skip
-    events = [*taught, heat(1, 0, 5.0), heat(1, 0, 7.0), heat(1, 1, 9.0, **end, **known)]
+    events = [*taught, raced(1, 0, 5.0), raced(1, 0, 7.0), raced(1, 1, 9.0, **end, **known)]
     (tmp_path / "config.json").write_text(json.dumps(CONFIG))
     (tmp_path / "events.jsonl").write_text("".join(json.dumps(one) + "\n" for one in events))
     policy_of(tree(5, 3), EVASION).save(tmp_path / "policy.json")

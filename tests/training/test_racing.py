@@ -53,15 +53,15 @@ def search_of(result, seed=1, **settings):
 def run(search, env, *, restart_every=0, again=None):
     """Run a search to its end; every so many episodes begin anew with what is stored of it."""
     guarded, count = GuardedEnv(env), 0
-    while (heat := search.next_heat()) is not None:
+    while (due := search.next_run()) is not None:
         count += 1
         if restart_every and count % restart_every == 0:
             state, episodes = search.state, search.all_episodes
             search = again()
             search.restore(state, episodes)
             continue
-        tree, start = heat
-        search.heat_run(run_episode(guarded, tree, episode_seed(5, start)))
+        tree, start = due
+        search.take(run_episode(guarded, tree, episode_seed(5, start)))
     return search
 
 

@@ -19,11 +19,11 @@ import numpy as np
 
 from eutree.arrays import Floats
 from eutree.contests.betting import log_wealth_path
-from eutree.contests.table import Heat, Table, Verdict, pairs, seen_range
+from eutree.contests.table import NextEpisodes, Table, Verdict, pairs, seen_range
 
 FIRST = 32  # pairs before a challenger is called hopeless
 HOPELESS = 2.33  # standard errors: 99 %, one-sided
-GROWTH = 1.5  # of the pairs from one heat to the next
+GROWTH = 1.5  # of the pairs each time that more are asked for
 BLIND = 300  # pairs
 GUESS = 64  # episodes that a guess counts for
 
@@ -60,11 +60,11 @@ class Halving:
         first = max(1, budget // cost)
         return cls(first=first, most=first * 2 ** (rounds - 1))
 
-    def next(self, table: Table) -> Heat | Verdict:
+    def next(self, table: Table) -> NextEpisodes | Verdict:
         """Return the next round, or the best of those left."""
         alive, n, _ = self.standing(table)
         if np.isnan(table[list(alive), :n]).any():
-            return Heat(tuple(sorted(alive)), range(n))
+            return NextEpisodes(tuple(sorted(alive)), range(n))
         return Verdict(alive[0], False, range(n))
 
     def stopped(self, table: Table) -> Verdict:
@@ -111,7 +111,7 @@ class NotWorse:
     blind: int = BLIND
     stake: float | None = None
 
-    def next(self, table: Table) -> Heat | Verdict:
+    def next(self, table: Table) -> NextEpisodes | Verdict:
         """Return more pairs to run; or who has won, once that is shown or hopeless."""
         gains = pairs(table[:, : self.most])
         n = gains.size
@@ -119,7 +119,7 @@ class NotWorse:
             return Verdict(1, True, range(at))
         if n >= self.most or self._hopeless(gains):
             return Verdict(0, False, range(n))
-        return Heat((0, 1), range(min(max(FIRST, math.ceil(GROWTH * n)), self.most)))
+        return NextEpisodes((0, 1), range(min(max(FIRST, math.ceil(GROWTH * n)), self.most)))
 
     def stopped(self, table: Table) -> Verdict:
         """Return the incumbent: nothing was shown."""
@@ -235,11 +235,11 @@ class Ahead:
         """Most starts of the contest."""
         return self.looks[-1]
 
-    def next(self, table: Table) -> Heat | Verdict:
+    def next(self, table: Table) -> NextEpisodes | Verdict:
         """Return what is to run until the next look, or who has won."""
         alive, n = self.standing(table)
         if np.isnan(table[list(alive), :n]).any():
-            return Heat(tuple(sorted(alive)), range(n))
+            return NextEpisodes(tuple(sorted(alive)), range(n))
         wins = self._decided(table[:, :n], alive[1])
         return Verdict(alive[1] if wins else 0, bool(wins), range(n))
 
@@ -306,7 +306,7 @@ class AheadApart:
     enough: int = 30
     clearly: float = 3.0
 
-    def next(self, table: Table) -> Heat | Verdict:
+    def next(self, table: Table) -> NextEpisodes | Verdict:
         """Return more episodes of the challenger to run; or that it has won."""
         own, other = (row[~np.isnan(row)] for row in table)
         ahead = lead_apart(own, other)
@@ -314,7 +314,7 @@ class AheadApart:
             errors = self.clearly if other.size < self.enough else 0.0
             if ahead.mean > errors * ahead.error:
                 return Verdict(1, True, range(other.size))
-        return Heat((1,), range(other.size, other.size + 1))
+        return NextEpisodes((1,), range(other.size, other.size + 1))
 
 
 def lead_apart(own: Floats, other: Floats) -> Lead:

@@ -14,7 +14,7 @@ import numpy as np
 
 from eutree.contests.betting import TUNED, tuned_stake
 from eutree.contests.rules import FIRST, HOPELESS, NotWorse
-from eutree.contests.table import Heat, Table, Verdict, seen_range
+from eutree.contests.table import NextEpisodes, Table, Verdict, seen_range
 
 ATTEMPTS = (1 / 2, 1 / 4, 1 / 4)  # shares of the error allowed
 
@@ -50,18 +50,18 @@ class SmallestWithin:
         """Most starts of the contest."""
         return (1 + len(ATTEMPTS)) * self.episodes
 
-    def next(self, table: Table) -> Heat | Verdict:
-        """Return the heat that chooses, then the one that confirms; or who has won."""
+    def next(self, table: Table) -> NextEpisodes | Verdict:
+        """Return the episodes that choose, then those that confirm; or who has won."""
         chosen = self._near_best(table) if self.margin is None else self._promising(table)
-        if isinstance(chosen, Heat):
+        if isinstance(chosen, NextEpisodes):
             return chosen
         mark, trees = chosen
         for attempt, (tree, share) in enumerate(zip(trees, ATTEMPTS, strict=False), 1):
             first = attempt * self.episodes
             fresh = table[[mark, tree], first : first + self.episodes]
             found = self._confirmed(table[:, : self.episodes], mark, tree, share, fresh)
-            if isinstance(found, Heat):
-                return Heat((mark, tree), range(first, first + found.starts.stop))
+            if isinstance(found, NextEpisodes):
+                return NextEpisodes((mark, tree), range(first, first + found.starts.stop))
             if found.winner:
                 return Verdict(tree, found.shown, range(first, first + found.starts.stop))
         return Verdict(mark, False, range(self.episodes))
@@ -75,7 +75,7 @@ class SmallestWithin:
             table: All returns of the choice, shape [trees, episodes].
         """
         chosen = self._near_best(table) if self.margin is None else self._promising(table)
-        if isinstance(chosen, Heat):
+        if isinstance(chosen, NextEpisodes):
             raise ValueError(f"the table must hold {self.episodes} returns of each tree")
         mark, trees = chosen
         return trees[0] if trees else mark
@@ -84,7 +84,7 @@ class SmallestWithin:
         """Return the incumbent: nothing was confirmed."""
         return Verdict(0, False, range(0))
 
-    def _promising(self, table: Table) -> Heat | tuple[int, list[int]]:
+    def _promising(self, table: Table) -> NextEpisodes | tuple[int, list[int]]:
         """Return the incumbent and the trees that would be confirmed, the smallest first.
 
         When one would be, larger ones run no more, but may step in for it.
@@ -95,7 +95,7 @@ class SmallestWithin:
         while left:
             now = table[:, :n]
             if np.isnan(now[[0, *left]]).any():
-                return Heat((0, *left), range(n))
+                return NextEpisodes((0, *left), range(n))
             left = [one for one in left if not _hopeless(now, 0, one, self.margin or 0.0)]
             good = [k for k, one in enumerate(left) if self._would_be_confirmed(now, one)]
             if good:
@@ -105,14 +105,14 @@ class SmallestWithin:
             n = min(2 * n, self.episodes)
         return 0, passed
 
-    def _near_best(self, table: Table) -> Heat | tuple[int, list[int]]:
+    def _near_best(self, table: Table) -> NextEpisodes | tuple[int, list[int]]:
         """Return the best tree, and the smaller ones within a standard error of it."""
         alive = list(range(len(self.sizes)))
         n = min(FIRST, self.episodes)
         while True:
             now = table[:, :n]
             if np.isnan(now[alive]).any():
-                return Heat(tuple(alive), range(n))
+                return NextEpisodes(tuple(alive), range(n))
             mark = max(alive, key=lambda one: (float(now[one].mean()), -self.sizes[one]))
             error = self._near(now, mark)
             alive = [one for one in alive if not _hopeless(now, mark, one, error)]
@@ -154,11 +154,11 @@ class SmallestWithin:
 
     def _confirmed(
         self, chosen: Table, mark: int, tree: int, share: float, fresh: Table
-    ) -> Heat | Verdict:
+    ) -> NextEpisodes | Verdict:
         """Return what the fresh starts of the best, or the incumbent, and a tree say of it."""
         if self.margin is None:
             if np.isnan(fresh).any():
-                return Heat((0, 1), range(self.episodes))
+                return NextEpisodes((0, 1), range(self.episodes))
             near = float((fresh[1] - fresh[0]).mean()) >= -self._near(chosen, mark)
             return Verdict(int(near), False, range(self.episodes))
         low, high = seen_range(np.concatenate([chosen.ravel(), fresh.ravel()]), self.known)

@@ -1,4 +1,4 @@
-"""The words of a contest: its table of returns, the next heat, the verdict, and the bounds."""
+"""The words of a contest: its table of returns, the next episodes, the verdict, and the bounds."""
 
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ Table = Floats  # [trees, starts] NaN where a tree has not run; row 0 is the inc
 
 
 @dataclass(frozen=True)
-class Heat:
+class NextEpisodes:
     """Episodes to run next: those of each of these trees from each of these starts.
 
     Attributes:
@@ -48,7 +48,7 @@ class Rule(Protocol):
     def most(self) -> int:
         """Most starts of the contest."""
 
-    def next(self, table: Table) -> Heat | Verdict:
+    def next(self, table: Table) -> NextEpisodes | Verdict:
         """Return what is to run next, or who has won."""
 
     def stopped(self, table: Table) -> Verdict:
@@ -142,13 +142,13 @@ def bounds_of_change(
 Run = Callable[[int, Sequence[int]], Floats | None]
 
 
-def missing(table: Table, heat: Heat) -> list[tuple[int, list[int]]]:
-    """Return the episodes of a heat that the table does not hold: each tree with its starts."""
+def missing(table: Table, due: NextEpisodes) -> list[tuple[int, list[int]]]:
+    """Return those of the due episodes that the table lacks: each tree with its starts."""
     return [
         (tree, starts.tolist())
-        for tree in heat.trees
-        if (starts := np.flatnonzero(np.isnan(table[tree, : heat.starts.stop]))).size
-        and (starts := starts[starts >= heat.starts.start]).size
+        for tree in due.trees
+        if (starts := np.flatnonzero(np.isnan(table[tree, : due.starts.stop]))).size
+        and (starts := starts[starts >= due.starts.start]).size
     ]
 
 
@@ -167,13 +167,13 @@ def held(rule: Rule, table: Table) -> Generator[tuple[int, list[int]], Floats | 
     Returns:
         The verdict.
     """
-    while isinstance(heat := rule.next(table), Heat):
-        for tree, starts in missing(table, heat):
+    while isinstance(due := rule.next(table), NextEpisodes):
+        for tree, starts in missing(table, due):
             returns = yield tree, starts
             if returns is None:
                 return rule.stopped(table)
             table[tree, starts] = returns
-    return heat
+    return due
 
 
 def hold(rule: Rule, table: Table, run: Run) -> Verdict:
@@ -199,10 +199,10 @@ def hold(rule: Rule, table: Table, run: Run) -> Verdict:
 
 def next_episode(rule: Rule, table: Table) -> tuple[int, int] | None:
     """Return the next tree and start to run, start by start; None where the contest is over."""
-    heat = rule.next(table)
-    if not isinstance(heat, Heat):
+    due = rule.next(table)
+    if not isinstance(due, NextEpisodes):
         return None
-    trees, starts = np.array(heat.trees), table[list(heat.trees), : heat.starts.stop]
-    unknown = np.isnan(starts[:, heat.starts.start :])
+    trees, starts = np.array(due.trees), table[list(due.trees), : due.starts.stop]
+    unknown = np.isnan(starts[:, due.starts.start :])
     start = int(unknown.any(axis=0).argmax())
-    return int(trees[unknown[:, start].argmax()]), heat.starts.start + start
+    return int(trees[unknown[:, start].argmax()]), due.starts.start + start

@@ -166,11 +166,11 @@ def _trust(events: Sequence[Event]) -> ModelTrust | None:
 
 def _races(events: Sequence[Event]) -> list[tuple[str, ...]]:
     """Return a row for each tree in each race."""
-    heats: dict[tuple[int, int], list[Event]] = {}
+    episodes: dict[tuple[int, int], list[Event]] = {}
     winners: dict[int, Event] = {}
     for event in events:
         if "race" in event and "entrant" in event:
-            heats.setdefault((int(event["race"]), int(event["entrant"])), []).append(event)
+            episodes.setdefault((int(event["race"]), int(event["entrant"])), []).append(event)
             if "policy" in event or "winner" in event:
                 winners[int(event["race"])] = event
     return [
@@ -182,7 +182,7 @@ def _races(events: Sequence[Event]) -> list[tuple[str, ...]]:
             f"{np.mean([float(event['return']) for event in runs]):.1f}",
             _fate(entrant, winners.get(race)),
         )
-        for (race, entrant), runs in sorted(heats.items())
+        for (race, entrant), runs in sorted(episodes.items())
     ]
 
 

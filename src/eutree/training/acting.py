@@ -143,18 +143,18 @@ class Racing:
         state.gathering_begins()
         state.whole = True  # a search is stored as it stood between two stages
         won = search.state.won
-        heat = None if self._plan.time_is_over(state.at) else search.next_heat()
-        if search.state.won > won or heat is None:
+        run = None if self._plan.time_is_over(state.at) else search.next_run()
+        if search.state.won > won or run is None:
             now = search.state
             facts = {"n_leaves": now.incumbent.n_leaves, "tried": now.tried, "won": now.won}
             state.note("race", facts)
-        if heat is None:
+        if run is None:
             self._end(search)
             return
         room = self._plan.race_steps - state.at.racing_steps
-        episode = self._run_episode(*heat, env, room)
+        episode = self._run_episode(*run, env, room)
         if episode is not None:
-            search.heat_run(episode)
+            search.take(episode)
             state.move(racing_steps=state.at.racing_steps + len(episode))
             state.note_what_was_recorded()
         elif not state.stopped:  # longer than any before: it decides nothing

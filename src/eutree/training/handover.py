@@ -14,7 +14,7 @@ from typing import Any, Literal
 import msgspec
 
 from eutree.arrays import Floats
-from eutree.contests import Better, Heat, NotWorse, Verdict, hold, missing, new_table
+from eutree.contests import Better, NextEpisodes, NotWorse, Verdict, hold, missing, new_table
 from eutree.contests.table import seen_range
 from eutree.display import counted
 from eutree.evaluation import Evaluation, Interval, against
@@ -343,7 +343,7 @@ class Duel:
 
     def extend(self, pairs: int) -> None:
         """Play on until both trees have played so many starts."""
-        for tree, starts in missing(self.table, Heat((0, 1), range(pairs))):
+        for tree, starts in missing(self.table, NextEpisodes((0, 1), range(pairs))):
             returns = self.run(tree, starts)
             if returns is None:
                 return

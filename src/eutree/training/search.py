@@ -7,8 +7,8 @@ error, or is smaller and does as well. All steps are counted, and an episode beg
 budget allows for the longest. Where there are steps to spare, small changes climb in the models,
 trees of the episodes that earned most are begun from, and tests are long.
 
-The search has no environment: ``next_heat`` says which tree to run from which start, and
-``heat_run`` takes the episode. It goes through stages; between two of them it can be stored, and
+The search has no environment: ``next_run`` says which tree to run from which start, and ``take``
+takes the episode. It goes through stages; between two of them it can be stored, and
 what was run since the last is run again from the stored episodes, so a kill costs one episode.
 """
 
@@ -137,7 +137,7 @@ class PolicySearch:
         self.state = SearchState("begin", policy)
         self._known: Advantages | None = None
         self._stages = self._go_on()
-        self._heat: tuple[TreePolicy, int] | None = None
+        self._next: tuple[TreePolicy, int] | None = None
         self._answer: Episode | None = None
         self.finished = settings.steps == 0
 
@@ -161,21 +161,21 @@ class PolicySearch:
         taken = [] if self._answer is None else [self._answer]
         return [*self.raced.all, *taken, *self.raced.stored]
 
-    def next_heat(self) -> tuple[TreePolicy, int] | None:
+    def next_run(self) -> tuple[TreePolicy, int] | None:
         """Return the tree to run next, and the number of its start; None at the end."""
-        if self.finished or self._heat is not None:
-            return self._heat
+        if self.finished or self._next is not None:
+            return self._next
         try:
             # A generator that has not begun is sent None.
             answer, self._answer = self._answer, None
-            self._heat = self._stages.send(answer)  # type: ignore[arg-type]  # as said
+            self._next = self._stages.send(answer)  # type: ignore[arg-type]  # as said
         except StopIteration:
             self.finished = True
-        return self._heat
+        return self._next
 
-    def heat_run(self, episode: Episode) -> None:
-        """Take the episode that the tree of ``next_heat`` ran."""
-        self._heat, self._answer = None, episode
+    def take(self, episode: Episode) -> None:
+        """Take the episode that the tree of ``next_run`` ran."""
+        self._next, self._answer = None, episode
 
     def restore(self, state: SearchState, episodes: Sequence[Episode]) -> None:
         """Go on, from the start, where another search of the same arguments stood."""
