@@ -44,7 +44,7 @@ from eutree.files import read_archive
 from eutree.learners.declared import part
 from eutree.learners.distilled_dqn import DistilledDQN
 from eutree.learners.distilled_dqn.learner import NUMBERS, Stage
-from eutree.learners.distilled_dqn.races import Contender, unpacked_contenders
+from eutree.learners.distilled_dqn.races import RACED_TREE, RacedTree, unpacked_raced
 from eutree.policies import TreePolicy
 from eutree.policy_search.model_trust import RankCorrelation, rank_correlation
 from eutree.training import stored_transitions
@@ -453,7 +453,7 @@ def links(folder: Path) -> dict[str, str]:
     for event in events:
         if event.get("stage") in ("teacher", "dagger") and "return" in event:
             earned.setdefault(event["stage"], []).append(event["return"])
-    met = [one for one in contenders_of(folder) if len(one.returns) >= FEWEST_RETURNS]
+    met = [one for one in raced_trees_of(folder) if len(one.returns) >= FEWEST_RETURNS]
     real = np.array([one.mean_return for one in met])
     neural = rank_correlation(np.array([one.imagined for one in met]), real)
     trees = rank_correlation(imagined_by_model_trees(folder, [one.tree for one in met]), real)
@@ -477,14 +477,14 @@ def links(folder: Path) -> dict[str, str]:
 
 def of_rounds(events: list[dict[str, Any]]) -> dict[str, str]:
     """Return what prunings earned in their first race, for the first and for later races."""
-    heats = [e for e in events if e.get("stage") == "race" and "entrant" in e]
+    raced = [e for e in events if e.get("stage") == "race" and "entrant" in e]
     first_race: dict[int, int] = {}
     returns: dict[int, list[float]] = {}
     of_round: dict[int, list[float]] = {}
-    for heat in heats:
-        race, entrant = heat["race"], heat["entrant"]
-        if heat["origin"].startswith("pruned") and first_race.setdefault(entrant, race) == race:
-            returns.setdefault(entrant, []).append(heat["return"])
+    for episode in raced:
+        race, entrant = episode["race"], episode["entrant"]
+        if episode["origin"].startswith("pruned") and first_race.setdefault(entrant, race) == race:
+            returns.setdefault(entrant, []).append(episode["return"])
     for entrant, earned in returns.items():
         of_round.setdefault(min(first_race[entrant], 2), []).append(float(np.mean(earned)))
     return {
@@ -493,10 +493,10 @@ def of_rounds(events: list[dict[str, Any]]) -> dict[str, str]:
     }
 
 
-def contenders_of(folder: Path) -> list[Contender]:
+def raced_trees_of(folder: Path) -> list[RacedTree]:
     """Return all trees of a run, with their scores and returns."""
     _, arrays = read_archive(folder / "checkpoint.npz", CheckpointDocument, limit=MAX_CHECKPOINT)
-    return unpacked_contenders(part(arrays, "contender_"))
+    return unpacked_raced(part(arrays, RACED_TREE))
 
 
 def policy_of(folder: Path) -> TreePolicy:
@@ -506,7 +506,7 @@ def policy_of(folder: Path) -> TreePolicy:
     expert = TreePolicy.load(folder / "expert.json")
     _, arrays = read_archive(folder / "checkpoint.npz", CheckpointDocument, limit=MAX_CHECKPOINT)
     incumbent = int(arrays["numbers"][NUMBERS.index("incumbent")])
-    tree = contenders_of(folder)[incumbent].tree
+    tree = raced_trees_of(folder)[incumbent].tree
     structure, actions = to_decision_tree(tree, expert.tree.n_features)
     return replace(expert, tree=structure, actions=actions, leaves=None, locked=())
 

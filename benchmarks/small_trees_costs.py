@@ -16,7 +16,7 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-from benchmarks.small_trees import TASKS, Task, contenders_of, events_of, policy_of
+from benchmarks.small_trees import TASKS, Task, events_of, policy_of, raced_trees_of
 
 import eutree
 from eutree.learners.distilled_dqn.teaching import Students
@@ -54,7 +54,7 @@ class Timed:
         self._method = task.method(task.leaves)
         self._policy = policy_of(folder)
         self._known = stored_transitions(folder, self._policy.schema.n_actions)
-        met = contenders_of(folder)
+        met = raced_trees_of(folder)
         self._n_pruned = sum(one.origin.startswith("pruned") for one in met)
         self._generator = np.random.default_rng(0)
 

@@ -13,7 +13,7 @@ from eutree.errors import FormatError, InvalidArgumentError
 from eutree.interaction import GuardedEnv, episode_seed
 from eutree.learners.distilled_dqn import DistilledDQN
 from eutree.learners.distilled_dqn.learner import Stage
-from eutree.learners.distilled_dqn.races import Contender
+from eutree.learners.distilled_dqn.races import RacedTree
 from eutree.learners.learner import Problem, Start, Step
 from eutree.neural import DoubleDQNSettings
 from eutree.recording import record
@@ -111,7 +111,7 @@ def test_all_stages_are_passed_and_the_budget_is_kept(whole):
     assert BUDGET - 500 < loop.steps <= BUDGET
     policy = loop.learner.decisions()
     assert policy.tree.n_leaves <= METHOD.max_leaves
-    assert len(loop.learner.races.contenders) >= 4
+    assert len(loop.learner.races.trees) >= 4
 
 
 def test_the_teacher_goes_on_learning_from_trees(whole, shown, env):
@@ -158,8 +158,8 @@ def test_the_policy_changes_only_by_a_race(whole):
     for key in (Stage.TEACHER, Stage.DAGGER, Stage.RACE):
         assert states[key][0]["numbers"][4] == 0  # the incumbent is the start
     races = loop.learner.races
-    won = races.contenders[races.incumbent]
-    assert won.origin == "start" or won.mean_return > races.contenders[0].mean_return
+    won = races.trees[races.incumbent]
+    assert won.origin == "start" or won.mean_return > races.trees[0].mean_return
 
 
 @pytest.mark.parametrize("stage", [Stage.TEACHER, Stage.DAGGER, Stage.RACE])
@@ -200,7 +200,7 @@ def test_a_discarded_episode_leaves_nothing_behind(shown, env):
 
 def test_an_expert_tree_that_is_too_large_is_replaced(shown):
     small = METHOD.start(problem_of(shown), Start(None, shown.kept))
-    assert small.races.contenders[0].origin == "start"
+    assert small.races.trees[0].origin == "start"
     assert small.decisions().tree.n_leaves <= 4
     cramped = replace(METHOD, max_leaves=2).start(problem_of(shown), Start(None, shown.kept))
     assert cramped.decisions().tree.n_leaves == 2
@@ -233,16 +233,16 @@ def test_a_policy_that_ran_often_outweighs_a_few_lucky_episodes():
     generator = np.random.default_rng(0)
     luck = generator.standard_normal(200)
     luck -= luck.mean()
-    known = Contender(single_action(0), "start", returns=(100.0 + 50.0 * luck).tolist())
-    lucky = Contender(single_action(1), "cart", returns=[40.0, 190.0, 100.0])
+    known = RacedTree(single_action(0), "start", returns=(100.0 + 50.0 * luck).tolist())
+    lucky = RacedTree(single_action(1), "cart", returns=[40.0, 190.0, 100.0])
     assert lucky.mean_return > known.mean_return
     assert lucky.sure_worth(0.0) < known.sure_worth(0.0)
-    assert Contender(single_action(0), "cart", returns=[1.0]).sure_worth(0.0) == -np.inf
+    assert RacedTree(single_action(0), "cart", returns=[1.0]).sure_worth(0.0) == -np.inf
 
 
 def test_of_two_that_earn_as_much_the_smaller_is_worth_more():
     leaf, stump = single_action(0), packed((0, 0.0, 0, 1))
-    small, large = (Contender(tree, "cart", returns=[4.0, 6.0] * 9) for tree in (leaf, stump))
+    small, large = (RacedTree(tree, "cart", returns=[4.0, 6.0] * 9) for tree in (leaf, stump))
     assert small.worth(0.1) - large.worth(0.1) == pytest.approx(0.1)
     assert small.sure_worth(0.1) > large.sure_worth(0.1)
     assert small.sure_worth(0.0) == large.sure_worth(0.0)
@@ -290,30 +290,30 @@ def test_a_teacher_of_ones_own_is_asked_and_never_trained(shown, env):
     assert [name for name in mine if mine[name].tobytes() != theirs[name].tobytes()] == []
 
 
-def contender(place, n=40):
+def raced_tree(place, n=40):
     luck = np.random.default_rng(place).standard_normal(n)
-    return Contender(
+    return RacedTree(
         single_action(place % 2), "pruned", float(place), (place + 3.0 * luck).tolist()
     )
 
 
 @pytest.mark.parametrize(("ordered", "adopted"), [(True, 1), (False, 0)])
 def test_a_model_whose_order_may_be_chance_needs_a_clear_win(ordered, adopted, whole, shown):
-    """The rival is 1.3 standard errors ahead: enough where the model is known to order trees."""
+    """A challenger leads by 1.3 standard errors: enough where the model is known to order trees."""
     learner = METHOD.start(problem_of(shown), Start(None, shown.kept))
-    learner.rivals.ensemble = whole[0].learner.rivals.ensemble
+    learner.challengers.ensemble = whole[0].learner.challengers.ensemble
     races = learner.races
     pairs = np.random.default_rng(3).standard_normal(72)
     pairs = (pairs - pairs.mean()) / pairs.std(ddof=1) * np.sqrt(72)
     lead = Lead.of(pairs + 1.3)
     assert lead.mean / lead.error == pytest.approx(1.3)
-    others = [contender(place) for place in range(2, 12)]
+    others = [raced_tree(place) for place in range(2, 12)]
     if not ordered:
         for one, imagined in zip(others, (3, 9, 5, 2, 11, 6, 4, 10, 8, 7), strict=True):
             one.imagined = float(imagined)
-    races.contenders = [
-        Contender(single_action(0), "start", 0.0, [0.0, -8.0, 8.0]),
-        Contender(single_action(1), "pruned", 1.0, (1.3 + 0.01 * pairs).tolist()),
+    races.trees = [
+        RacedTree(single_action(0), "start", 0.0, [0.0, -8.0, 8.0]),
+        RacedTree(single_action(1), "pruned", 1.0, (1.3 + 0.01 * pairs).tolist()),
         *others,
     ]
     races.entrants = [0, 1]
@@ -329,19 +329,19 @@ def test_a_model_is_compared_with_what_trees_really_earned(whole, shown):
     learner = METHOD.restore(
         problem_of(shown), Start(None, shown.kept), copied(whole[0].learner.state())
     )
-    ensemble, contenders = learner.rivals.ensemble, learner.races.contenders
-    learner.rivals.imagine(contenders, learner.races.policy, np.random.default_rng(4))
-    for one in contenders:
+    ensemble, trees = learner.challengers.ensemble, learner.races.trees
+    learner.challengers.imagine(trees, learner.races.policy, np.random.default_rng(4))
+    for one in trees:
         alone = EnsembleRollouts(ensemble, 50, np.random.default_rng(4))
         alone.run(one.tree)
         assert one.imagined == pytest.approx(alone.score(alone.returns))
-    for place, one in enumerate(contenders):
+    for place, one in enumerate(trees):
         one.returns = [float(place)] * (place + 2)  # the first two ran too seldom
     trust = learner.model_trust()
-    met = contenders[2:]
+    met = trees[2:]
     assert trust.real.tolist() == [one.mean_return for one in met]
     assert trust.imagined.tolist() == [one.imagined for one in met]
-    assert trust.episodes.tolist() == list(range(4, len(contenders) + 2))
+    assert trust.episodes.tolist() == list(range(4, len(trees) + 2))
 
 
 def test_it_needs_demonstrations(shown):

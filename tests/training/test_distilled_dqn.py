@@ -74,7 +74,7 @@ def test_the_budget_and_the_limit_of_leaves_are_kept(whole):
     assert result.method.max_leaves == 4
 
 
-def test_rivals_run_from_common_starts(whole):
+def test_challengers_run_from_common_starts(whole):
     """Heats of one race and number begin at the same observation, others do not."""
     result, folder = whole
     history = result.history

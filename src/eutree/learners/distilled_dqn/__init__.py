@@ -7,7 +7,7 @@
    CART makes trees of two and three times the leaves allowed from all labelled observations, plain
    and weighted by what a wrong action costs (VIPER; Bastani et al. 2018), and each is pruned by
    imagined returns. They race against the policy in real episodes; the teacher labels what the
-   rivals came to see, so the trees of the next round know more.
+   challengers came to see, so the trees of the next round know more.
 4. *Last races.* With what is left of the steps the best trees of all rounds meet again.
 
 A race is made of ordinary episodes, in which the tree that runs decides, from starts that the
@@ -33,7 +33,7 @@ from eutree.learners.declared import (
     packed_trees_part,
 )
 from eutree.learners.distilled_dqn.learner import NUMBERS, DistilledDQNLearner, Stage
-from eutree.learners.distilled_dqn.races import ORIGINS
+from eutree.learners.distilled_dqn.races import ORIGINS, RACED_TREE
 from eutree.learners.distilled_dqn.teaching import DistilledDQNChoices
 from eutree.learners.learner import Arrays, Needs, Problem, Start
 from eutree.neural.double_dqn import n_weights
@@ -64,9 +64,9 @@ class DistilledDQN(DistilledDQNChoices):
         """Return what the arrays of a ``state()`` are."""
         history = (HISTORY_PART, SHOWN_PART, MASKS_PART)
         teacher = () if start.teacher is not None else (self._teacher_part(problem),)
-        trees = (packed_trees_part("contender_", "T"), packed_trees_part("student_", 1))
+        trees = (packed_trees_part(RACED_TREE, "T"), packed_trees_part("student_", 1))
         model = self._model_part(problem)
-        parts = (*history, *teacher, *trees, _CONTENDERS, _numbers_part(start), model, _RACE)
+        parts = (*history, *teacher, *trees, _RACED_TREES, _numbers_part(start), model, _RACE)
         return problem.declare(*parts)
 
     def _teacher_part(self, problem: Problem) -> Part:
@@ -125,19 +125,19 @@ def _numbers_part(start: Start) -> Part:
     return Part({"numbers": Stored("i8", (len(NUMBERS),))}, are_numbers)
 
 
-def _are_contenders(found: Found) -> None:
-    if sum(found.state["contender_n_returns"].tolist()) != found.sizes["earned"]:
-        raise found.refuse("contender_n_returns", "must be as many as there are returns")
+def _are_raced(found: Found) -> None:
+    if sum(found.state[f"{RACED_TREE}n_returns"].tolist()) != found.sizes["earned"]:
+        raise found.refuse(f"{RACED_TREE}n_returns", "must be as many as there are returns")
 
 
-_CONTENDERS = Part(
+_RACED_TREES = Part(
     {
-        "contender_returns": Stored("f8", ("earned",)),
-        "contender_n_returns": Stored("i8", "T", low=0, most="earned"),
-        "contender_origin": Stored("i8", "T", low=0, below=len(ORIGINS)),
-        "contender_imagined": Stored("f8", "T", nan=True),
+        f"{RACED_TREE}returns": Stored("f8", ("earned",)),
+        f"{RACED_TREE}n_returns": Stored("i8", "T", low=0, most="earned"),
+        f"{RACED_TREE}origin": Stored("i8", "T", low=0, below=len(ORIGINS)),
+        f"{RACED_TREE}imagined": Stored("f8", "T", nan=True),
     },
-    _are_contenders,
+    _are_raced,
 )
 
 

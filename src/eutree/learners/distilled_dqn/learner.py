@@ -9,10 +9,11 @@ from eutree.arrays import Booleans, Floats
 from eutree.learners.declared import part, prefixed
 from eutree.learners.distilled_dqn.races import (
     PRUNED,
-    Contender,
-    ContenderRaces,
-    ImaginedRivals,
-    packed_contenders,
+    RACED_TREE,
+    ImaginedChallengers,
+    RacedTree,
+    Races,
+    packed_raced,
     packed_trees,
     unpacked_trees,
 )
@@ -39,7 +40,7 @@ from eutree.policy_search.model_trust import ModelTrust
 from eutree.world_model.action_trees import from_decision_tree, n_leaves, to_decision_tree
 
 FEWEST_PRUNED = 2
-EPISODES_PER_RIVAL = 30  # that must be affordable for one more rival
+EPISODES_PER_CHALLENGER = 30  # that must be affordable for one more challenger
 MANY_EPISODES = 200  # affordable: enough for looks that are far apart
 LOOKS = (8, 20, 40, 72, 136)
 SHORT_LOOKS = (4, 10, 20, 40)
@@ -106,8 +107,8 @@ class DistilledDQNLearner:
         stage: Where it is.
         steps: Environment steps so far, demonstrations apart.
         dagger: DAgger's rounds.
-        rivals: The world model, and the trees that it speaks for.
-        races: The policy, and the trees that wanted its place.
+        challengers: The world model, and the trees that it speaks for.
+        races: The policy, and the trees that challenged it.
     """
 
     def __init__(self, method: DistilledDQNChoices, problem: Problem, start: Start) -> None:
@@ -135,10 +136,10 @@ class DistilledDQNLearner:
             tree = students.fit(history.observations, method.max_leaves, labels=history.actions)
         self.dagger = DAgger(students, experience, budget.dagger, tree)
         price = method.leaf_price * experience.typical_return
-        self.rivals = ImaginedRivals(
+        self.challengers = ImaginedChallengers(
             method.world_model, students, experience, problem.n_actions, method.max_leaves
         )
-        self.races = ContenderRaces(Contender(tree, "start"), experience, students, price)
+        self.races = Races(RacedTree(tree, "start"), experience, students, price)
         self._students = students
 
     # Gathering.
@@ -216,7 +217,7 @@ class DistilledDQNLearner:
 
     def model_trust(self) -> ModelTrust | None:
         """Return how the world model orders the trees that were really run; None without one."""
-        return self.rivals.trust(self.races.contenders)
+        return self.challengers.trust(self.races.trees)
 
     def _taught(self) -> Figures:
         """Go on to DAgger when the teacher has had its steps."""
@@ -241,20 +242,19 @@ class DistilledDQNLearner:
         return earned | {"labels": self.dagger.next_round(self.steps)}
 
     def _propose(self, generator: np.random.Generator) -> Figures:
-        """Make rivals of the policy, and let them race."""
+        """Make challengers of the policy, and let them race."""
         affordable = (self._budget.total - self.steps) / self._experience.mean_length
-        n_rivals = int(np.clip(affordable / EPISODES_PER_RIVAL, FEWEST_PRUNED, len(PRUNED)))
+        n_pruned = int(np.clip(affordable / EPISODES_PER_CHALLENGER, FEWEST_PRUNED, len(PRUNED)))
         races, known = self.races, self.races.best(ALL_TIME_BEST)
-        first = len(races.contenders)
-        races.contenders += self.rivals.make(n_rivals, generator)
-        self.rivals.imagine(races.contenders, races.policy, generator)
-        rivals = [*range(first, len(races.contenders)), *known]
-        races.begin(rivals, LOOKS if affordable > MANY_EPISODES else SHORT_LOOKS)
-        return {"rivals": len(rivals)}
+        first = len(races.trees)
+        races.trees += self.challengers.make(n_pruned, generator)
+        self.challengers.imagine(races.trees, races.policy, generator)
+        challengers = [*range(first, len(races.trees)), *known]
+        return races.begin(challengers, LOOKS if affordable > MANY_EPISODES else SHORT_LOOKS)
 
     def _raced(self, generator: np.random.Generator) -> Figures:
-        """Take the last episode as a heat of the race, and go on."""
-        facts = self.races.last_episode_was_heat()
+        """Take the last episode as one of the race, and go on."""
+        facts = self.races.take_last_episode()
         if not facts:
             return {}
         if self.races.is_run:
@@ -270,20 +270,19 @@ class DistilledDQNLearner:
         if self._budget.total - self.steps > self._budget.last or not best:
             return self._propose(generator)
         self.stage = Stage.LAST_RACE
-        self.races.begin(best, LOOKS)
-        return {"rivals": len(best)}
+        return self.races.begin(best, LOOKS)
 
     # Between two episodes.
 
     def state(self) -> Arrays:
         """Return all that is known; labels and the teacher's replay follow from the history."""
-        dagger, races, ensemble = self.dagger, self.races, self.rivals.ensemble
+        dagger, races, ensemble = self.dagger, self.races, self.challengers.ensemble
         numbers = [self.steps, int(self.stage), dagger.labelled_from, dagger.round_from,
                    races.incumbent, races.number]  # fmt: skip
         state: Arrays = {"numbers": np.array(numbers, dtype=np.int64)}
         state |= prefixed("history_", self.history.state())
         state |= prefixed("teacher_", self._teacher.state())
-        state |= prefixed("contender_", packed_contenders(races.contenders))
+        state |= prefixed(RACED_TREE, packed_raced(races.trees))
         state |= prefixed("student_", packed_trees([dagger.tree]))
         if ensemble is not None:
             state |= prefixed("model_", ensemble.state())
@@ -299,5 +298,5 @@ class DistilledDQNLearner:
         (student,) = unpacked_trees(part(state, "student_"))
         self.dagger.take_back(student, numbers["labelled_from"], numbers["round_from"])
         if "model_weights" in state:
-            self.rivals.take_back(part(state, "model_"))
+            self.challengers.take_back(part(state, "model_"))
         self.races.take_back(state, incumbent=numbers["incumbent"], number=numbers["n_races"])

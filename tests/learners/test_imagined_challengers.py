@@ -1,8 +1,8 @@
-"""Rivals that a world model proposes: how many are made, and of what."""
+"""Challengers that a world model proposes: how many are made, and of what."""
 
 import numpy as np
 
-from eutree.learners.distilled_dqn.races import PARTS, PRUNED, ImaginedRivals
+from eutree.learners.distilled_dqn.races import PARTS, PRUNED, ImaginedChallengers
 from eutree.learners.distilled_dqn.teaching import Experience, Students
 from eutree.world_model.action_trees import n_leaves
 from eutree.world_model.ensemble import EnsembleSettings
@@ -41,11 +41,13 @@ class Noted(Students):
         return super().fit(observations, max_leaves, weighted=weighted, labels=labels)
 
 
-def test_rivals_are_carts_tree_and_prunings_of_larger_ones():
+def test_challengers_are_carts_tree_and_prunings_of_larger_ones():
     settings = EnsembleSettings(members=2, hidden=16, batch=32, updates=300, more_updates=10)
     students = Noted()
-    rivals = ImaginedRivals(settings, students, lived_through(), n_actions=2, max_leaves=LIMIT)
-    made = rivals.make(2, np.random.default_rng(0))
+    challengers = ImaginedChallengers(
+        settings, students, lived_through(), n_actions=2, max_leaves=LIMIT
+    )
+    made = challengers.make(2, np.random.default_rng(0))
     whole = EPISODES * STEPS
     own = [(whole, n, False) for n in sorted({max(LIMIT // k, 2) for k in PARTS}, reverse=True)]
     assert len(own) > 1
