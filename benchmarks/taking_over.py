@@ -226,14 +226,14 @@ class Teaching:
         """Return the tree chosen by playing, as ``fit`` does, from weighted candidates."""
         shown, weights = self.demonstrations(), self.weights(steps)
         found = candidates(shown, settings=SETTINGS, histories=(0, 1))
-        rivals = []
+        challengers = []
         for entry in promising(found, 8):
             past = entry.policy.history
             known = shown.with_history(past) if past else shown
             policy = eutree.fit_expert_tree(known, settings=entry.settings, weights=weights)
-            rivals.append(replace(entry, policy=replace(policy, history=past)))
+            challengers.append(replace(entry, policy=replace(policy, history=past)))
         player = Player(self.env, self._seed)
-        best, played = race(rivals, player, 600)
+        best, played = race(challengers, player, 600)
         return mend(best, played, shown, player, 60)[0].policy
 
 

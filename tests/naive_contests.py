@@ -128,22 +128,22 @@ def ahead(table, *, looks, errors, final, patient, prices=None, known=None):
             return ("run", tuple(sorted(alive)), n)
         gains = {tree: [table[tree][k] - table[0][k] for k in range(n)] for tree in alive[1:]}
         lead = {tree: mean_of(gains[tree]) + prices[0] - prices[tree] for tree in gains}
-        rivals = sorted(gains, key=lambda tree: (-lead[tree], tree))
-        alive = [0, *rivals[: max(len(rivals) // 2, 1)]]
+        challengers = sorted(gains, key=lambda tree: (-lead[tree], tree))
+        alive = [0, *challengers[: max(len(challengers) // 2, 1)]]
         if len(alive) > 2 and n < looks[-1]:
             continue
-        rival = alive[1]
-        mean, error = lead[rival], standard_error(gains[rival])
-        saved = prices[0] - prices[rival]
-        sure = mean_of(gains[rival]) + min(saved, 0.0)
-        told = [table[tree][k] for tree in (0, rival) for k in range(n)] + list(known or ())
+        challenger = alive[1]
+        mean, error = lead[challenger], standard_error(gains[challenger])
+        saved = prices[0] - prices[challenger]
+        sure = mean_of(gains[challenger]) + min(saved, 0.0)
+        told = [table[tree][k] for tree in (0, challenger) for k in range(n)] + list(known or ())
         stands = patient or n * mean + min(told) - max(told) > 0.0
         if stands and n >= 32 and sure > errors * error:
-            return ("verdict", rival)
+            return ("verdict", challenger)
         if stands and not patient and {8: 4.79, 16: 3.73}.get(n, math.inf) * error < sure:
-            return ("verdict", rival)
+            return ("verdict", challenger)
         if n == looks[-1]:
-            return ("verdict", rival if stands and mean > final * error else 0)
+            return ("verdict", challenger if stands and mean > final * error else 0)
         if mean < -error and n >= 32 if patient else mean <= 0.0:
             return ("verdict", 0)
     raise AssertionError("the last look decides")

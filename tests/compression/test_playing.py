@@ -30,26 +30,26 @@ def evasive(seed, n_leaves=8):
     return replace(policy, tree=replace(policy.tree, threshold=1.5 * policy.tree.threshold))
 
 
-def outcomes(ground, present, rivals, n=40):
+def outcomes(ground, present, challengers, n=40):
     common = CommonEpisodes(ground, n)
     common.redraw(present)
-    return common, common.outcomes(rivals)
+    return common, common.outcomes(challengers)
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_what_is_not_run_again_would_have_been_the_same(seed):
-    rivals = [evasive(seed), evasive(seed + 10), evasive(seed, 3)]
-    common, found = outcomes(Ground(EVASION, seed), evasive(seed), rivals)
+    challengers = [evasive(seed), evasive(seed + 10), evasive(seed, 3)]
+    common, found = outcomes(Ground(EVASION, seed), evasive(seed), challengers)
     steps = common.ground.steps
     assert (found[0].returns == common.outcome.returns).all()
-    for rival, outcome in zip(rivals, found, strict=True):
-        common.run(rival)
+    for challenger, outcome in zip(challengers, found, strict=True):
+        common.run(challenger)
         assert (common.outcome.returns == outcome.returns).all()
         assert (common.outcome.successes == outcome.successes).all()
     assert common.ground.steps > steps
 
 
-def test_a_rival_that_decides_alike_costs_no_step():
+def test_a_challenger_that_decides_alike_costs_no_step():
     common, _ = outcomes(Ground(EVASION, 0), evasive(1), [])
     steps = common.ground.steps
     common.outcomes([evasive(1)])
@@ -63,14 +63,14 @@ def test_side_by_side_one_by_one_and_elsewhere_are_the_same(history):
     if history:
         tree = DecisionTree.single_leaf(6).split(0, 0, 5.0).split(1, 4, 3.0)
         policy = TreePolicy(tree, np.array([1, 0, 1]), Schema.anonymous(6, 2), history=1)
-    rivals = [policy, replace(policy, actions=1 - policy.actions)]
+    challengers = [policy, replace(policy, actions=1 - policy.actions)]
     hidden = gymnasium.Wrapper(EVASION)
     recipe = Recipe.of(EnvironmentSpec("eutree/Evasion2-v0"))
     grounds = [Ground(EVASION, 7), Ground(hidden, 7), Ground(hidden, 7, recipe, 2)]
     assert [one.side_by_side for one in grounds] == [True, False, False]
     told = []
     for ground in grounds:
-        common, found = outcomes(ground, policy, rivals, 12)
+        common, found = outcomes(ground, policy, challengers, 12)
         order = np.lexsort((common.traces.features[:, 0], common.traces.episode))
         told.append((found, common.traces.features[order], ground.steps))
     for found, features, steps in told[1:]:

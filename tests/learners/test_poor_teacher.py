@@ -11,7 +11,7 @@ from benchmarks.people import TASKS, folder
 import eutree
 from eutree.learners.learner import Problem, Start
 from eutree.learners.planning import PlanningMethod
-from eutree.policy_search.planner import Planner, Rivals
+from eutree.policy_search.planner import Planned, Planner
 from eutree.world_model import leaf_node
 from eutree.world_model.action_trees import single_action
 
@@ -21,7 +21,7 @@ PLAIN = PlanningMethod(
 
 
 def test_incumbent_and_challenger_take_turns_until_enough_is_known_of_the_incumbent():
-    plan = Rivals(
+    plan = Planned(
         single_action(0), challenger=single_action(1), incumbent_episodes=(0, 1), demonstrations=2
     )
     assert not PLAIN.planner.incumbent_acts(plan)
@@ -36,7 +36,7 @@ def test_incumbent_and_challenger_take_turns_until_enough_is_known_of_the_incumb
 
 def test_an_incumbent_that_was_adopted_early_has_to_prove_itself():
     """Five lucky episodes were the bar for all that came after (returns 87, of a tree worth 60)."""
-    plan = Rivals(
+    plan = Planned(
         single_action(1),
         challenger=single_action(0),
         incumbent_episodes=(7, 8, 9, 10, 11),
@@ -57,7 +57,7 @@ def test_an_incumbent_that_was_adopted_early_has_to_prove_itself():
 )
 def test_challengers_begin_from_an_explorer_that_earns_more_than_the_incumbent(explored, leads):
     """What poor teachers need made planning from good ones dearer, and no better."""
-    plan = Rivals(single_action(0), incumbent_episodes=tuple(range(2, 12)), demonstrations=2)
+    plan = Planned(single_action(0), incumbent_episodes=tuple(range(2, 12)), demonstrations=2)
     for episode in range(12, 12 + len(explored)):
         plan = plan.with_explored(episode)
     data = SimpleNamespace(episode_returns=np.array([95.0, 95.0, *[60.0] * 10, *explored]))
@@ -67,7 +67,7 @@ def test_challengers_begin_from_an_explorer_that_earns_more_than_the_incumbent(e
 
 def test_what_the_tree_has_played_itself_can_be_trusted():
     """Practice hands over as demonstrations what the incumbent has played."""
-    plan = Rivals(
+    plan = Planned(
         single_action(0),
         challenger=single_action(1),
         incumbent_episodes=tuple(range(200)),

@@ -129,7 +129,7 @@ def test_it_takes_no_more_steps_than_it_may():
     duel = Duel(START, LEARNED, game, most=5000, steps=600)
     found = judge(Handover(), duel, (1, 1), known=None, challengers=0)
     assert found.handed_over == "start"
-    assert 600 <= found.steps < 1_500  # the heat that was under way ends
+    assert 600 <= found.steps < 1_500  # what was under way ends
 
 
 @pytest.mark.parametrize("name", ["error", "success_margin"])

@@ -115,14 +115,16 @@ def test_few_run_where_a_model_foretells_what_the_incumbent_earns(env, plain, fo
     own = [run_episode(guarded, plain.policy, episode_seed(5, k)) for k in range(12)]
     if not foretold:
         own = [replace(episode, rewards=episode.rewards - 50.0) for episode in own]
-    rivals = [policy_of(0, place, 1) for place in (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0)]
-    chosen, guesses = search._proposals.guessed(plain.policy, own, rivals, [])
+    challengers = [policy_of(0, place, 1) for place in (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0)]
+    chosen, guesses = search._proposals.guessed(plain.policy, own, challengers, [])
     if not foretold:
-        assert (chosen, guesses) == (tuple(rivals), ())
+        assert (chosen, guesses) == (tuple(challengers), ())
         return
-    assert len(chosen) == len(guesses) == PROMISING < len(rivals)
-    real = {key(one): eutree.evaluate(one, env, episodes=50, seed=9).mean_return for one in rivals}
-    best = max(rivals, key=lambda one: real[key(one)])
+    assert len(chosen) == len(guesses) == PROMISING < len(challengers)
+    real = {
+        key(one): eutree.evaluate(one, env, episodes=50, seed=9).mean_return for one in challengers
+    }
+    best = max(challengers, key=lambda one: real[key(one)])
     assert key(best) in {key(one) for one in chosen}
 
 
@@ -135,15 +137,17 @@ def test_a_model_that_tells_starts_apart_says_who_is_promising(
     guarded = GuardedEnv(env)
     own = [run_episode(guarded, plain.policy, episode_seed(5, k)) for k in range(episodes)]
     mean = np.mean([episode.undiscounted_return for episode in own])
-    rivals = [policy_of(0, place, 1) for place in (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0)]
+    challengers = [policy_of(0, place, 1) for place in (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0)]
     says = {"near": mean + np.arange(8.0), "close": mean - np.arange(8.0)}
     missed = {"near": np.full(episodes, 3.0), "close": np.full(episodes, 1.0)}
     proposals = search._proposals
     monkeypatch.setattr(proposals, "_models", lambda episodes: iter(says))
     monkeypatch.setattr(proposals, "_returns", lambda model, trees: says[model])
     monkeypatch.setattr(proposals, "_missed", lambda model, policy, episodes: missed[model])
-    chosen, _ = proposals.guessed(plain.policy, own, rivals, [])
-    assert set(chosen) == set(rivals[:PROMISING] if asked == "close" else rivals[-PROMISING:])
+    chosen, _ = proposals.guessed(plain.policy, own, challengers, [])
+    assert set(chosen) == set(
+        challengers[:PROMISING] if asked == "close" else challengers[-PROMISING:]
+    )
 
 
 def test_a_model_is_measured_from_the_starts_of_real_episodes(env, plain):

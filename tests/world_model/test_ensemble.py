@@ -164,7 +164,7 @@ CAREFUL = packed((0, 1.5, GO, (0, 3.2, (1, 0.5, GO, STAY), GO)))
 RECKLESS = packed((0, 1.5, GO, (0, 3.2, GO, GO)))
 
 
-def test_a_rival_meets_the_same_chance_as_if_it_ran_alone(ensemble):
+def test_a_challenger_meets_the_same_chance_as_if_it_ran_alone(ensemble):
     together = EnsembleRollouts(ensemble, 20, np.random.default_rng(6))
     alone = EnsembleRollouts(ensemble, 20, np.random.default_rng(6))
     together.run(CAREFUL)

@@ -16,7 +16,7 @@ import eutree
 from eutree.errors import InvalidArgumentError
 from eutree.policy_search import _kernels_search as search
 from eutree.policy_search.improvement import Improvement
-from eutree.policy_search.planner import Planner, Rivals
+from eutree.policy_search.planner import Planned, Planner
 from eutree.world_model import Transitions, _kernels, _kernels_lanes, fit_world_models
 from eutree.world_model import _kernels_regression as regression
 from eutree.world_model.action_trees import (
@@ -287,17 +287,22 @@ def test_deviations_side_by_side_are_naive_episodes_to_the_bit(tree, discount):
 def test_a_comparison_side_by_side_is_the_plain_one_to_the_bit(hopeless, discount):
     """The sums, where it is given up, and the steps that were taken until then."""
     rollouts = discounted(100, discount)
-    rival = (0, 3.0, (1, 0.2, STAY, GO), (0, 6.0, GO, STAY))
+    challenger = (0, 3.0, (1, 0.2, STAY, GO), (0, 6.0, GO, STAY))
     rollouts.run(single_action(GO))
-    rollouts._compare(packed(rival))
+    rollouts._compare(packed(challenger))
     departs, episodes = rollouts._departs, rollouts._episodes
     before = rollouts.n_steps_taken
     found = _kernels_lanes.difference(
-        rollouts._conditions, episodes, departs, packed(rival), hopeless, np.ptp(episodes.returns)
+        rollouts._conditions,
+        episodes,
+        departs,
+        packed(challenger),
+        hopeless,
+        np.ptp(episodes.returns),
     )
     n_steps = rollouts.n_steps_taken - before
     k = departs[departs >= 0]
-    rest, _ = rests(rollouts, rival, k)
+    rest, _ = rests(rollouts, challenger, k)
     gains = episodes.earned[k] + rest - episodes.returns[episodes.owner[k]]
     expected = naive_world_model.difference(
         gains.tolist(),
@@ -308,7 +313,7 @@ def test_a_comparison_side_by_side_is_the_plain_one_to_the_bit(hopeless, discoun
     assert found == expected
     if abs(hopeless) > 100.0:  # at -inf nothing is given up, at 200 what can be is
         assert found[3] == (hopeless < 0.0)
-    assert n_steps == rests(rollouts, rival, k[: found[0]])[1]
+    assert n_steps == rests(rollouts, challenger, k[: found[0]])[1]
 
 
 @given(tree=trees, x=st.lists(st.sampled_from([np.nan, np.inf, -np.inf, -1.0, 0.0, 2.5, 7.0])))
@@ -383,7 +388,7 @@ def test_a_gain_is_the_difference_of_two_rehearsals_with_the_same_luck():
     assert gain.mean == pytest.approx(rollouts.mean_return - first, abs=1e-9)
 
 
-def test_a_hopeless_rival_is_given_up_early():
+def test_a_hopeless_challenger_is_given_up_early():
     rollouts = rollouts_of(walks(100, 4))
     rollouts.run(single_action(GO))
     assert not rollouts.gain(single_action(STAY), hopeless=0.0).complete
@@ -451,7 +456,7 @@ def planned(plan, data, seed=0, **choices):
 
 
 def test_a_challenger_is_not_the_incumbent_before_it_was_evaluated():
-    plan = planned(Rivals(single_action(GO), incumbent_episodes=tuple(range(200))), walks(200, 7))
+    plan = planned(Planned(single_action(GO), incumbent_episodes=tuple(range(200))), walks(200, 7))
     assert nested(plan.incumbent) == GO
     assert plan.challenger is not None
     assert mean_return(plan.challenger) > 80
@@ -460,7 +465,7 @@ def test_a_challenger_is_not_the_incumbent_before_it_was_evaluated():
 @pytest.mark.parametrize("good", [True, False])
 def test_a_challenger_is_adopted_if_its_evaluation_went_well(good):
     data = walks(200, 7)
-    plan = planned(Rivals(single_action(GO), incumbent_episodes=tuple(range(200))), data)
+    plan = planned(Planned(single_action(GO), incumbent_episodes=tuple(range(200))), data)
     ends_well = data.rewards[data.last] == 100.0
     episodes = np.flatnonzero(ends_well if good else ~ends_well)[:25]
     plan = replace(plan, challenger_episodes=tuple(episodes.tolist()))
@@ -478,8 +483,8 @@ class Unimproved(Improvement):
 def test_the_explorer_is_one_more_start_of_the_challenger():
     """Single changes of the incumbent may never get to where the explorer is."""
     data = walks(200, 7)
-    good = planned(Rivals(single_action(STAY)), data).challenger
-    plan = Rivals(single_action(STAY), explorer=good)
+    good = planned(Planned(single_action(STAY)), data).challenger
+    plan = Planned(single_action(STAY), explorer=good)
     after = Planner(improvement=Unimproved()).plan(plan, data, np.random.default_rng(0))
     assert nested(after.challenger) == nested(good)
 
@@ -487,7 +492,7 @@ def test_the_explorer_is_one_more_start_of_the_challenger():
 @pytest.mark.parametrize("good", [True, False])
 def test_an_untested_policy_is_compared_with_chance(good):
     data = walks(200, 7)
-    plan = planned(Rivals(single_action(STAY)), data)
+    plan = planned(Planned(single_action(STAY)), data)
     ends_well = data.rewards[data.last] == 100.0
     episodes = np.flatnonzero(ends_well if good else ~ends_well)[:25]
     plan = replace(plan, challenger_episodes=tuple(episodes.tolist()))
@@ -508,7 +513,7 @@ def test_demonstrations_of_another_world_are_forgotten(changed):
         2,
     )
     after = planned(
-        Rivals(single_action(GO), incumbent_episodes=tuple(range(35)), demonstrations=15), data
+        Planned(single_action(GO), incumbent_episodes=tuple(range(35)), demonstrations=15), data
     )
     assert after.valid_from == (15 if changed else 0)
     assert len(after.incumbent_episodes) == (20 if changed else 35)
@@ -533,7 +538,7 @@ def test_the_explorer_runs_fewer_rollouts(monkeypatch):
             super().__init__(model, n_episodes, discount, generator)
 
     monkeypatch.setattr("eutree.policy_search.planner.PairedRollouts", Counting)
-    plan, data = Rivals(single_action(GO)), walks(30, 4)
+    plan, data = Planned(single_action(GO)), walks(30, 4)
     for choices in ({"n_episodes": 60, "n_explorer_episodes": 20}, {"n_episodes": 60}):
         Planner(**choices).plan(plan, data, np.random.default_rng(0))
     assert asked == [60, 20, 60, 60]
@@ -541,7 +546,7 @@ def test_the_explorer_runs_fewer_rollouts(monkeypatch):
 
 def test_planning_waits_until_the_history_has_grown():
     imagination = Planner(growth=1.5)
-    plan = Rivals(single_action(GO), planned_at=100)
+    plan = Planned(single_action(GO), planned_at=100)
     assert not imagination.due(plan, 150)
     assert imagination.due(plan, 151)
 

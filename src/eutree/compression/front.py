@@ -165,25 +165,25 @@ def _contest(
     policy: TreePolicy, trees: Sequence[TreePolicy], ground: Ground, demand: Demand
 ) -> tuple[TreePolicy | None, Comparison | None]:
     """Return the tree that wins, and how it did beside the input where that was shown."""
-    rivals = [policy, *trees]
+    entrants = [policy, *trees]
     rule = SmallestWithin(
-        sizes=tuple(one.n_leaves for one in rivals),
+        sizes=tuple(one.n_leaves for one in entrants),
         margin=demand.margin,
         error=demand.error,
         episodes=demand.episodes,
         known=demand.known_range,
     )
-    table = new_table(len(rivals), rule.most)
-    found = hold(rule, table, _runs(rivals, ground))
+    table = new_table(len(entrants), rule.most)
+    found = hold(rule, table, _runs(entrants, ground))
     if not found.winner:
         return None, None
     if not found.shown:
-        return rivals[found.winner], None
+        return entrants[found.winner], None
     verdict = Comparison.of(table[0, found.starts], table[found.winner, found.starts], demand)
     change = verdict.return_change
     low = max(change.interval.low, -(demand.margin or 0.0))  # the bisection stops near it
     change = replace(change, interval=Interval(low, change.interval.high))
-    return rivals[found.winner], replace(verdict, return_change=change)
+    return entrants[found.winner], replace(verdict, return_change=change)
 
 
 def _runs(trees: Sequence[TreePolicy], ground: Ground) -> Callable[[int, Sequence[int]], Floats]:

@@ -2,7 +2,7 @@
 
 Labels do not show the worth of a leaf: a leaf that decides a hundredth of all observations may be
 the one that brakes. Where transitions are at hand, an ensemble of networks is fitted to them and
-cuts are chosen by imagined episodes; the cheapest pruning by labels is a rival as well.
+cuts are chosen by imagined episodes; the cheapest pruning by labels is a challenger as well.
 """
 
 from collections.abc import Sequence
@@ -30,7 +30,7 @@ ROWS = 2000  # that thresholds are placed by, and parts fitted to
 
 
 class ImaginedCommonEpisodes(PairedEpisodes):
-    """Imagined episodes; a rival's are given up as soon as it is hopeless, so few are not less.
+    """Imagined episodes; those of a hopeless challenger are given up, so few are not less.
 
     Args:
         rollouts: Imagines them; their steps are none of the environment's.
@@ -55,10 +55,10 @@ class ImaginedCommonEpisodes(PairedEpisodes):
         self.features = seen[:: len(seen) // ROWS + 1]  # spread evenly
 
     def gains(
-        self, rivals: Sequence[TreePolicy], *, few: bool = False, above: float = -np.inf
+        self, challengers: Sequence[TreePolicy], *, few: bool = False, above: float = -np.inf
     ) -> list[Gain]:
-        """Return the gains over the present tree that rivals are imagined to make."""
-        return [self._gain(one, above) for one in rivals]
+        """Return the gains over the present tree that challengers are imagined to make."""
+        return [self._gain(one, above) for one in challengers]
 
     def gains_of_moves(self, moves: Sequence[Move], *, few: bool = False) -> list[Gain]:
         """Return the imagined gains of moved thresholds, each alone."""
@@ -72,11 +72,11 @@ class ImaginedCommonEpisodes(PairedEpisodes):
             found.append(self._rollouts.gain(present._replace(threshold=threshold), hopeless=0.0))
         return found
 
-    def _gain(self, rival: TreePolicy, above: float) -> Gain:
-        tree = rival.tree
-        known = tree.feature.tobytes() + tree.threshold.tobytes() + rival.actions.tobytes()
+    def _gain(self, challenger: TreePolicy, above: float) -> Gain:
+        tree = challenger.tree
+        known = tree.feature.tobytes() + tree.threshold.tobytes() + challenger.actions.tobytes()
         if known not in self._known:
-            self._known[known] = self._rollouts.gain(acting(rival), hopeless=above)
+            self._known[known] = self._rollouts.gain(acting(challenger), hopeless=above)
         return self._known[known]
 
 
@@ -204,19 +204,19 @@ class ImaginedEpisodes:
         fits = whole.n_leaves <= TIMES * max_leaves
         large = whole if fits else ladder.of_size(TIMES * max_leaves)
         ensemble = fit_ensemble(known, self.world_model, generator)
-        rivals = [("budget", ladder.of_size(max_leaves))]
+        challengers = [("budget", ladder.of_size(max_leaves))]
         for _ in range(TRIES):
             rollouts = EnsembleRollouts(ensemble, N_STARTS, generator)
             tree, _ = pruned_by_rollouts(_acting(large), rollouts, max_leaves, generator)
             found = to_decision_tree(tree, policy.tree.n_features)
-            rivals.append(("imagined", with_tree(policy, *found)))
+            challengers.append(("imagined", with_tree(policy, *found)))
         fresh = EnsembleRollouts(ensemble, SELECTION_STARTS, generator)
         fresh.run(_acting(whole))
-        scores = [fresh.score(fresh.returns_of(_acting(rival))) for _, rival in rivals]
+        scores = [fresh.score(fresh.returns_of(_acting(tree))) for _, tree in challengers]
         best = int(np.argmax(scores))
-        method, chosen = rivals[best]
+        method, chosen = challengers[best]
         before = fresh.score(fresh.returns)
-        asked = (whole, *(rival for _, rival in rivals))
+        asked = (whole, *(tree for _, tree in challengers))
         return Pruned(
             merged(chosen), method, before, scores[best], asked, np.array([before, *scores])
         )

@@ -199,7 +199,7 @@ class Ground:
 
 
 class PairedEpisodes(ABC):
-    """Episodes of a present tree from common starts, and those of rivals beside it.
+    """Episodes of a present tree from common starts, and those of challengers beside it.
 
     Attributes:
         present: The tree that ran last.
@@ -245,12 +245,12 @@ class PairedEpisodes(ABC):
 
     @abstractmethod
     def gains(
-        self, rivals: Sequence[TreePolicy], *, few: bool = False, above: float = -np.inf
+        self, challengers: Sequence[TreePolicy], *, few: bool = False, above: float = -np.inf
     ) -> "list[Gain]":
-        """Return the gains of rivals over the present tree.
+        """Return the gains of challengers over the present tree.
 
         Args:
-            rivals: The trees to compare with it.
+            challengers: The trees to compare with it.
             few: Whether some of the starts are enough to see that a change does harm.
             above: A smaller gain is hopeless, and may be given up early.
         """
@@ -301,29 +301,29 @@ class CommonEpisodes(PairedEpisodes):
         return outcome.returns - FAILURE * (self.scale or 0.0) * ~outcome.successes
 
     def gains(
-        self, rivals: Sequence[TreePolicy], *, few: bool = False, above: float = -np.inf
+        self, challengers: Sequence[TreePolicy], *, few: bool = False, above: float = -np.inf
     ) -> "list[Gain]":
-        """Return the gains of rivals over the present tree."""
+        """Return the gains of challengers over the present tree."""
         n = self.n // SCREENED if few else self.n
         own = self.worth(self.outcome)[:n]
-        found = (self.worth(one) - own for one in self.outcomes(rivals, n))
+        found = (self.worth(one) - own for one in self.outcomes(challengers, n))
         from eutree.world_model.rollouts import Gain
 
         return [Gain(float(g.mean()), float(g.std() / np.sqrt(n)), True) for g in found]
 
-    def outcomes(self, rivals: Sequence[TreePolicy], n: int | None = None) -> list[Outcome]:
-        """Return the outcomes of rivals from the first ``n`` of the present starts."""
+    def outcomes(self, challengers: Sequence[TreePolicy], n: int | None = None) -> list[Outcome]:
+        """Return the outcomes of challengers from the first ``n`` of the present starts."""
         n = n or self.n
-        touched = [self._departs(rival, n) for rival in rivals]
-        which = np.repeat(np.arange(len(rivals)), [one.size for one in touched])
+        touched = [self._departs(challenger, n) for challenger in challengers]
+        which = np.repeat(np.arange(len(challengers)), [one.size for one in touched])
         own = self.outcome.successes
         found = [
             Outcome(self.returns[:n].copy(), None if own is None else own[:n].copy())
-            for _ in rivals
+            for _ in challengers
         ]
         if which.size:
             episodes = np.concatenate(touched)
-            played, _ = self.ground.play(rivals, which, self._begin + episodes)
+            played, _ = self.ground.play(challengers, which, self._begin + episodes)
             for number, one in enumerate(found):
                 mine = which == number
                 one.returns[episodes[mine]] = played.returns[mine]
@@ -331,12 +331,12 @@ class CommonEpisodes(PairedEpisodes):
                     one.successes[episodes[mine]] = played.successes[mine]
         return found
 
-    def _departs(self, rival: TreePolicy, n: int) -> Integers:
-        """Return the episodes in which a rival does not do the same throughout."""
+    def _departs(self, challenger: TreePolicy, n: int) -> Integers:
+        """Return the episodes in which a challenger does not do the same throughout."""
         traces = self.traces
-        if rival.features != self.present.features:  # it remembers more or less than the present
+        if challenger.features != self.present.features:  # it remembers more, or less
             return np.arange(n)
-        other = rival.actions[rival.tree.leaf_index(traces.features)] != traces.actions
+        other = challenger.actions[challenger.tree.leaf_index(traces.features)] != traces.actions
         episodes = np.unique(traces.episode[other])
         return episodes[episodes < n]
 

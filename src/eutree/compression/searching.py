@@ -84,25 +84,25 @@ class FrontSearch:
         """Return the trees of each size that have not had their turn, the best first."""
         return {size: [one for _, one in trees] for size, trees in self._pool.items() if trees}
 
-    def _best(self, rivals: Sequence[TreePolicy], n: int) -> list[TreePolicy]:
+    def _best(self, challengers: Sequence[TreePolicy], n: int) -> list[TreePolicy]:
         """Return the best few, each of which does something else."""
         found: dict[tuple[float, float], TreePolicy] = {}
-        for rival, gain in zip(rivals, self.episodes.gains(rivals), strict=True):
-            found.setdefault((gain.mean, gain.error), rival)
+        for challenger, gain in zip(challengers, self.episodes.gains(challengers), strict=True):
+            found.setdefault((gain.mean, gain.error), challenger)
         return [one for _, one in sorted(found.items(), key=lambda one: -one[0][0])[:n]]
 
-    def _add(self, rivals: Sequence[TreePolicy], above: float) -> None:
+    def _add(self, challengers: Sequence[TreePolicy], above: float) -> None:
         """Let the best of each size wait for their turn; losers leave early."""
-        first = [one.mean for one in self.episodes.gains(rivals, few=True, above=above)]
+        first = [one.mean for one in self.episodes.gains(challengers, few=True, above=above)]
         by_size: dict[int, list[int]] = {}
         for k in np.argsort(-np.array(first), kind="stable").tolist():
-            by_size.setdefault(rivals[k].n_leaves, []).append(k)
+            by_size.setdefault(challengers[k].n_leaves, []).append(k)
         left = [k for numbers in by_size.values() for k in numbers[: 2 * POOL]]
-        gains = self.episodes.gains([rivals[k] for k in left], above=above)
+        gains = self.episodes.gains([challengers[k] for k in left], above=above)
         for k, gain in zip(left, gains, strict=True):
-            waiting = self._pool.setdefault(rivals[k].n_leaves, [])
+            waiting = self._pool.setdefault(challengers[k].n_leaves, [])
             if all(gain.mean != known for known, _ in waiting):
-                waiting.append((gain.mean, rivals[k]))
+                waiting.append((gain.mean, challengers[k]))
                 waiting.sort(key=lambda one: -one[0])
                 del waiting[POOL:]
 
@@ -131,8 +131,8 @@ class FrontSearch:
     def _smaller(self, policy: TreePolicy) -> list[TreePolicy]:
         """Return smaller trees made of one."""
         self.episodes.run(policy)
-        rivals = [*_cuts(policy), *_refitted(self.episodes)]
-        return [one for one in map(self._checked, rivals) if one.n_leaves < policy.n_leaves]
+        challengers = [*_cuts(policy), *_refitted(self.episodes)]
+        return [one for one in map(self._checked, challengers) if one.n_leaves < policy.n_leaves]
 
 
 def _inner(tree: DecisionTree) -> list[int]:

@@ -50,9 +50,9 @@ class Halving:
     guesses: tuple[float, ...] = ()
 
     @classmethod
-    def within(cls, budget: int, rivals: int) -> "Halving":
+    def within(cls, budget: int, n_trees: int) -> "Halving":
         """Return the contest of so many trees down to two that takes about ``budget`` episodes."""
-        left, cost, rounds = rivals, rivals, 1
+        left, cost, rounds = n_trees, n_trees, 1
         while left > 2:  # a round doubles what each of those left has played
             left = (left + 1) // 2
             cost += left * 2 ** (rounds - 1)
@@ -249,12 +249,12 @@ class Ahead:
         On fewer than 32 pairs one has to be a standard error ahead at least.
         """
         best, most, n = 0, 0.0, 0
-        for rival in self.standing(table)[0][1:]:
-            lead = Lead.of(pairs(table[[0, rival]]))
+        for challenger in self.standing(table)[0][1:]:
+            lead = Lead.of(pairs(table[[0, challenger]]))
             errors = max(self.final, float(lead.pairs < ENOUGH))
-            mean = lead.mean + self._saved(rival)
+            mean = lead.mean + self._saved(challenger)
             if lead.pairs > 1 and mean > most and mean > errors * lead.error:
-                best, most, n = rival, mean, lead.pairs
+                best, most, n = challenger, mean, lead.pairs
         return Verdict(best, False, range(n))
 
     def standing(self, table: Table) -> tuple[tuple[int, ...], int]:
@@ -271,16 +271,16 @@ class Ahead:
                 break
         return alive, n
 
-    def _saved(self, rival: int) -> float:
+    def _saved(self, challenger: int) -> float:
         """Return what a challenger's fewer leaves are worth; negative where it has more."""
-        return self.prices[0] - self.prices[rival] if self.prices else 0.0
+        return self.prices[0] - self.prices[challenger] if self.prices else 0.0
 
-    def _decided(self, now: Table, rival: int) -> bool | None:
+    def _decided(self, now: Table, challenger: int) -> bool | None:
         """Return whether the last challenger wins; None if that is still open."""
-        lead, saved = Lead.of(now[rival] - now[0]), self._saved(rival)
+        lead, saved = Lead.of(now[challenger] - now[0]), self._saved(challenger)
         mean, n = lead.mean + saved, lead.pairs
         sure = lead.mean + min(saved, 0.0)
-        low, high = seen_range(now[[0, rival]], self.known)
+        low, high = seen_range(now[[0, challenger]], self.known)
         stands = self.patient or n * mean > high - low
         if stands and n >= ENOUGH and sure > self.errors * lead.error:
             return True

@@ -269,16 +269,16 @@ class Log:
         self, learned: TreePolicy, *, discount: float | None
     ) -> tuple[TreePolicy, OffPolicyComparison]:
         """Return the learned tree, cut, if it is believed to be the better; else the other one."""
-        rival = self.expert or self._fitted(learned)
+        other = self.expert or self._fitted(learned)
         known, held_out = self.known.kept, self.held_out
-        widest = max((learned, rival), key=lambda policy: policy.tree.n_features)
+        widest = max((learned, other), key=lambda policy: policy.tree.n_features)
         if widest.tree.n_features > self.recorded.schema.n_features:  # the other's come first in it
             known, held_out = (
                 tuple(episode.with_features(widest.features) for episode in part)
                 for part in (known, held_out)
             )
         judge = Judge(
-            other=rival,
+            other=other,
             known=known,
             held_out=held_out,
             discount=DISCOUNT if discount is None else discount,
@@ -286,7 +286,7 @@ class Log:
             return_range=self.return_range,
         )
         tree, found = judge.chosen(learned)
-        return (tree if found.believed else rival), found
+        return (tree if found.believed else other), found
 
     def _fitted(self, learned: TreePolicy) -> TreePolicy:
         """Return the tree of ``fit`` without playing.

@@ -272,12 +272,12 @@ class _Fitting:
         self, found: list[Candidate], *, repair: bool
     ) -> tuple[Candidate, tuple[Episode, ...]]:
         """Return the tree to judge and its episodes so far."""
-        rivals = promising(found, MOST_RACING)
-        if not repair and len(rivals) == 1:
-            return rivals[0], ()
+        entrants = promising(found, MOST_RACING)
+        if not repair and len(entrants) == 1:
+            return entrants[0], ()
         budget = max(1, int(RACE_SHARE * self.episodes))
         self.player.begin("choosing", budget)
-        chosen, played = race(rivals, self.player, budget)
+        chosen, played = race(entrants, self.player, budget)
         if repair:
             budget = max(1, int(REPAIR_SHARE * self.episodes))
             self.player.begin("repairing", MOST_REPAIR_PLAYS * budget)
@@ -299,7 +299,7 @@ class _Fitting:
             if self.player.on_progress is not None:
                 self.player.on_progress("practising", run.episode, episodes)
 
-        rivals = learn_on(
+        challengers = learn_on(
             chosen.policy,
             self.demonstrations,
             known,
@@ -308,10 +308,10 @@ class _Fitting:
             seed=self.seed,
             on_progress=tell,
         )
-        self.player.begin("comparing", (1 + len(rivals)) * self.episodes)
-        rivals = tuple(map(self.keeps.keeping, rivals))
+        self.player.begin("comparing", (1 + len(challengers)) * self.episodes)
+        challengers = tuple(map(self.keeps.keeping, challengers))
         rule = Halving(first=self.episodes, most=self.episodes)
-        winner, best = self.player.contest(rule, [chosen.policy, *rivals], COMPARING)
+        winner, best = self.player.contest(rule, [chosen.policy, *challengers], COMPARING)
         if winner == 0:
             return None
         words = f"{episodes} episodes of practice"

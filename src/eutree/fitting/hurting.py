@@ -283,9 +283,9 @@ def find_hurting(
         world = acting_as(given, demonstrations)
         games = _Games(world, seed, on_progress)
         found = candidates(demonstrations, settings=SETTINGS, histories=(0, 1))
-        rivals = promising(found, 8)
+        entrants = promising(found, 8)
         games.begin("choosing", 3 * judged)
-        chosen = rivals[games.best([one.policy for one in rivals], CHOOSING, 3 * judged)[0]]
+        chosen = entrants[games.best([one.policy for one in entrants], CHOOSING, 3 * judged)[0]]
         return _Search(demonstrations, chosen, games, episodes, judged).run(most)
 
 

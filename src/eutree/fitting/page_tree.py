@@ -169,12 +169,12 @@ class PageTree:
         with suppress(_NobodyWaits):
             with closing(self._make()) as env, closing(self._make()) as other:
                 curve = _Curve(other, begun, show)
-                rivals = practise(
+                learned = practise(
                     fitted.policy, known, fitted.plays, env,
                     episodes=episodes, seed=self._seed, on_progress=curve, stop=stop,
                 )  # fmt: skip
             page.check()
-            plays = [(self._play(rival, page), rival) for rival in rivals]
+            plays = [(self._play(one, page), one) for one in learned]
             played, tree = max(plays, key=lambda entry: value(entry[0]))
             best, reached = before, result_in_words(before.played)
             note = f"After {episodes} episodes of practice; before it {reached}."

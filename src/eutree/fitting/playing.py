@@ -119,24 +119,22 @@ class Player:
             count = self.episodes - self._before
             self.on_progress(self._stage, count, max(count, self._most))
 
-    def contest(
-        self, rule: Halving, rivals: Sequence[TreePolicy], block: int
-    ) -> tuple[int, Played]:
+    def contest(self, rule: Halving, trees: Sequence[TreePolicy], block: int) -> tuple[int, Played]:
         """Return the number of the winner, the first of equals, and its play.
 
         Args:
             rule: Decides when a tree drops out.
-            rivals: The trees, at least one.
+            trees: The entrants, at least one.
             block: Where their episodes come from.
         """
         plays: dict[int, Played] = {}
 
         def run(tree: int, starts: Sequence[int]) -> Floats:
-            more = self.play(rivals[tree], len(starts), block, first=starts[0])
+            more = self.play(trees[tree], len(starts), block, first=starts[0])
             plays[tree] = plays[tree].followed_by(more) if tree in plays else more
             return more.worths
 
-        winner = hold(rule, new_table(len(rivals), rule.most), run).winner
+        winner = hold(rule, new_table(len(trees), rule.most), run).winner
         return winner, plays[winner]
 
 

@@ -42,7 +42,7 @@ from eutree.learners.history import History
 from eutree.learners.learner import Arrays, Decisions, Needs, Problem, Start, Step, Update
 from eutree.policies import LeafStatistics
 from eutree.policies.leaf_statistics import orders_of, returns_by_action
-from eutree.policy_search.planner import Planner, Rivals
+from eutree.policy_search.planner import Planned, Planner
 from eutree.trees import DecisionTree
 from eutree.trees.edit import graft
 from eutree.validation import check_integer, check_number
@@ -167,7 +167,7 @@ class ModelPlanning:
         self.tree, self.actions = tree, np.array(actions)
         self.n_actions = n_actions
         self.method = method
-        self.plan = Rivals(from_decision_tree(tree, actions))
+        self.plan = Planned(from_decision_tree(tree, actions))
         self.history = History(tree.n_features, 1, _forgetting(method))
         self._informed = informed
         self._locked = frozenset(locked)
@@ -370,14 +370,14 @@ def _forgetting(method: PlanningMethod) -> RecentEpisodes | None:
     return None if method.max_transitions is None else RecentEpisodes(method.max_transitions)
 
 
-def _plan_of(state: Mapping[str, NDArray[Any]]) -> Rivals:
+def _plan_of(state: Mapping[str, NDArray[Any]]) -> Planned:
     """Return the plan of a ``_plan_state``."""
     trees = {
         name: ActionTree(*(np.array(state[f"{name}_{field}"]) for field in ActionTree._fields))
         for name in _TREES
         if f"{name}_feature" in state
     }
-    return Rivals(
+    return Planned(
         incumbent=trees["incumbent"],
         challenger=trees.get("challenger"),
         explorer=trees.get("explorer"),

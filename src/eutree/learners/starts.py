@@ -177,8 +177,8 @@ def _share_correct(candidate: Candidate) -> float:
     return float(candidate.correct.mean())
 
 
-def _explains_more(rival: Candidate, best: Candidate) -> bool:
-    gain = rival.correct - best.correct
+def _explains_more(other: Candidate, best: Candidate) -> bool:
+    gain = other.correct - best.correct
     return bool(gain.mean() > gain.std() / np.sqrt(gain.size))
 
 

@@ -58,13 +58,13 @@ def annealed(
 
 def _try(rollouts: Rollouts, variation: Variation, price: float, temperature: float) -> float:
     """Change the policy of the rollouts if that pays or luck allows; return what it earns more."""
-    rival = variation.of(rollouts.policy, rollouts.observations)
-    if rival is None:
+    challenger = variation.of(rollouts.policy, rollouts.observations)
+    if challenger is None:
         return 0.0
-    needed = price * (n_leaves(rival) - n_leaves(rollouts.policy))
+    needed = price * (n_leaves(challenger) - n_leaves(rollouts.policy))
     allowed = needed - temperature * rollouts.generator.exponential()
-    gain = rollouts.gain(rival, hopeless=allowed)
+    gain = rollouts.gain(challenger, hopeless=allowed)
     if not gain.complete or gain.mean <= allowed:
         return 0.0
-    rollouts.run(rival)
+    rollouts.run(challenger)
     return gain.mean - needed

@@ -112,10 +112,10 @@ class Improvement:
             most, chosen = -np.inf, policy
             for node in np.flatnonzero(policy.feature >= 0).tolist():
                 for goes_left in (True, False):
-                    rival, _ = with_child(policy, node, goes_left=goes_left)
-                    gain = rollouts.gain(rival, hopeless=most)
-                    if gain.mean > most and n_leaves(rival) > 1:
-                        most, chosen = gain.mean, rival
+                    challenger, _ = with_child(policy, node, goes_left=goes_left)
+                    gain = rollouts.gain(challenger, hopeless=most)
+                    if gain.mean > most and n_leaves(challenger) > 1:
+                        most, chosen = gain.mean, challenger
             rollouts.run(chosen)
             _perturb_thresholds(rollouts)
 
@@ -138,12 +138,12 @@ class Improvement:
         most, chosen = 0.0, None
         for least in LEAST_GAINS:
             for leaf, change in self._boxes(rollouts, price, deviations, least):
-                rival = packed(nested(base, instead={leaf: change}))
-                needed = price * (n_leaves(rival) - 1)
-                gain = rollouts.gain(rival, hopeless=needed + most)
+                challenger = packed(nested(base, instead={leaf: change}))
+                needed = price * (n_leaves(challenger) - 1)
+                gain = rollouts.gain(challenger, hopeless=needed + most)
                 passes = gain.complete and gain.mean - gain.error > needed
-                if passes and n_leaves(rival) <= self.max_leaves and gain.mean - needed > most:
-                    most, chosen = gain.mean - needed, rival
+                if passes and n_leaves(challenger) <= self.max_leaves and gain.mean - needed > most:
+                    most, chosen = gain.mean - needed, challenger
         if chosen is not None:
             rollouts.run(chosen)
 
@@ -154,14 +154,14 @@ class Improvement:
         for leaf, change in boxes[:MOST_BOXES]:
             if leaf in changes:
                 continue
-            rival = packed(nested(base, instead={**changes, leaf: change}))
-            if n_leaves(rival) > self.max_leaves:
+            challenger = packed(nested(base, instead={**changes, leaf: change}))
+            if n_leaves(challenger) > self.max_leaves:
                 continue
-            needed = price * (n_leaves(rival) - n_leaves(rollouts.policy))
-            gain = rollouts.gain(rival, hopeless=needed)
+            needed = price * (n_leaves(challenger) - n_leaves(rollouts.policy))
+            gain = rollouts.gain(challenger, hopeless=needed)
             if gain.complete and gain.mean - gain.error > needed:
                 changes[leaf] = change
-                rollouts.run(rival)
+                rollouts.run(challenger)
 
     def _deviations(self, rollouts: Rollouts) -> _Deviations:
         """Return what single deviations pay at some steps of the policy's episodes."""
@@ -210,8 +210,8 @@ def _replace_subtrees(rollouts: Rollouts, price: float) -> None:
         pays: dict[tuple[int, bool], float] = {}
         for node in np.flatnonzero(policy.feature >= 0).tolist():
             for goes_left in (True, False):
-                rival, _ = with_child(policy, node, goes_left=goes_left)
-                worth = _worth(rollouts, rival, price)
+                challenger, _ = with_child(policy, node, goes_left=goes_left)
+                worth = _worth(rollouts, challenger, price)
                 if worth > 0.0:
                     pays[node, goes_left] = worth
         if not pays:
@@ -219,23 +219,23 @@ def _replace_subtrees(rollouts: Rollouts, price: float) -> None:
         weighed = set(pays)
         while pays:
             node, goes_left = best = max(pays, key=pays.__getitem__)
-            rival, source = with_child(rollouts.policy, node, goes_left=goes_left)
+            challenger, source = with_child(rollouts.policy, node, goes_left=goes_left)
             if best not in weighed:
                 weighed.add(best)
-                pays[best] = _worth(rollouts, rival, price)
+                pays[best] = _worth(rollouts, challenger, price)
                 if pays[best] <= 0.0:
                     del pays[best]
                 continue
-            rollouts.run(rival)
-            now = {old: new for new, old in enumerate(source.tolist()) if rival.feature[new] >= 0}
+            rollouts.run(challenger)
+            now = {old: k for k, old in enumerate(source.tolist()) if challenger.feature[k] >= 0}
             pays = {(now[old], side): w for (old, side), w in pays.items() if old in now}
             weighed = set()
 
 
-def _worth(rollouts: Rollouts, rival: ActionTree, price: float) -> float:
-    """Return what a smaller rival gains, leaves included; 0 if that is clearly not more than 0."""
-    saved = price * (n_leaves(rollouts.policy) - n_leaves(rival))
-    gain = rollouts.gain(rival, hopeless=-saved)
+def _worth(rollouts: Rollouts, challenger: ActionTree, price: float) -> float:
+    """Return a smaller challenger's gain, leaves included; 0 if it is clearly not more than 0."""
+    saved = price * (n_leaves(rollouts.policy) - n_leaves(challenger))
+    gain = rollouts.gain(challenger, hopeless=-saved)
     return gain.mean + saved if gain.complete else 0.0
 
 
@@ -246,21 +246,21 @@ def _perturb_thresholds(rollouts: Rollouts) -> None:
         values = rollouts.values_at(int(node), int(policy.feature[node]))
         if values.size < FEW:
             continue
-        best, best_rival = 0.0, None
+        best, best_challenger = 0.0, None
         for sign in (-1, 1):
             last = 0.0
             for threshold in _places(values, float(policy.threshold[node]), sign):
                 thresholds = policy.threshold.copy()
                 thresholds[node] = threshold
-                rival = policy._replace(threshold=thresholds)
-                gain = rollouts.gain(rival, hopeless=last)
+                challenger = policy._replace(threshold=thresholds)
+                gain = rollouts.gain(challenger, hopeless=last)
                 if not gain.complete:
                     break
                 last = max(last, gain.mean)
                 if gain.mean > max(best, gain.error):
-                    best, best_rival = gain.mean, rival
-        if best_rival is not None:
-            rollouts.run(best_rival)
+                    best, best_challenger = gain.mean, challenger
+        if best_challenger is not None:
+            rollouts.run(best_challenger)
 
 
 def _places(values: Floats, threshold: float, sign: int) -> list[float]:

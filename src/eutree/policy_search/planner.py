@@ -27,7 +27,7 @@ _CLEARLY = 3.0  # standard errors
 
 
 @dataclass(frozen=True, eq=False)
-class Rivals:
+class Planned:
     """What a planning learner acts by.
 
     Attributes:
@@ -63,13 +63,13 @@ class Rivals:
         """The challenger, or the incumbent while there is none."""
         return self.incumbent if self.challenger is None else self.challenger
 
-    def with_episode(self, episode: int, *, incumbent: bool = False) -> "Rivals":
+    def with_episode(self, episode: int, *, incumbent: bool = False) -> "Planned":
         """Return the plan after an episode of ``evaluated``, or of the incumbent in its place."""
         if incumbent or self.challenger is None:
             return replace(self, incumbent_episodes=(*self.incumbent_episodes, episode))
         return replace(self, challenger_episodes=(*self.challenger_episodes, episode))
 
-    def with_explored(self, episode: int) -> "Rivals":
+    def with_explored(self, episode: int) -> "Planned":
         """Return the plan after an episode of the explorer."""
         return replace(self, explorer_episodes=(*self.explorer_episodes, episode)[-_EXPLORED:])
 
@@ -78,7 +78,7 @@ class Rivals:
         """The incumbent's episodes without the demonstrations, in which others acted."""
         return tuple(n for n in self.incumbent_episodes if n >= self.demonstrations)
 
-    def keeping(self, episodes: Integers) -> "Rivals":
+    def keeping(self, episodes: Integers) -> "Planned":
         """Return the plan when all but these episodes, ascending, are forgotten.
 
         Those that are left are numbered from 0, as their places in ``episodes`` are.
@@ -158,22 +158,22 @@ class Planner:
         check_number("discount", self.discount, low=0.0, high=1.0)
         check_integer("incumbent_first", self.incumbent_first, low=0)
 
-    def incumbent_acts(self, plan: Rivals) -> bool:
+    def incumbent_acts(self, plan: Planned) -> bool:
         """Return whether too little is known of the incumbent: it acts in a challenger's place."""
         known = len(self._evidence(plan))
         if not plan.demonstrations:
             return False
         return known < self.incumbent_first and known <= len(plan.challenger_episodes)
 
-    def _evidence(self, plan: Rivals) -> tuple[int, ...]:
+    def _evidence(self, plan: Planned) -> tuple[int, ...]:
         """Return the episodes that say what the incumbent can do."""
         return plan.incumbent_episodes if self.trust_demonstrations else plan.own_episodes
 
-    def due(self, plan: Rivals, n_seen: int) -> bool:
+    def due(self, plan: Planned, n_seen: int) -> bool:
         """Return whether enough transitions were seen to plan again."""
         return n_seen > plan.planned_at * self.growth
 
-    def plan(self, plan: Rivals, data: Transitions, generator: np.random.Generator) -> Rivals:
+    def plan(self, plan: Planned, data: Transitions, generator: np.random.Generator) -> Planned:
         """Return the next plan: adopt the challenger or not, then plan both trees."""
         plan = self._without_invalid(plan, data, generator)
         known = data.since(plan.valid_from).recent(self.max_transitions)
@@ -198,8 +198,8 @@ class Planner:
         )
 
     def _without_invalid(
-        self, plan: Rivals, data: Transitions, generator: np.random.Generator
-    ) -> Rivals:
+        self, plan: Planned, data: Transitions, generator: np.random.Generator
+    ) -> Planned:
         """Return the plan without the demonstrations if the dynamics have changed since.
 
         Then the incumbent earns much less than was shown. A poor tree does so too, but in the world
@@ -221,7 +221,7 @@ class Planner:
         return replace(plan, incumbent_episodes=own, demonstrations=0, valid_from=n)
 
     def imagined(
-        self, plan: Rivals, data: Transitions, n_episodes: int, generator: np.random.Generator
+        self, plan: Planned, data: Transitions, n_episodes: int, generator: np.random.Generator
     ) -> PairedRollouts:
         """Return where trees can be compared in the world as it is known, without hope."""
         known = data.since(plan.valid_from).recent(self.max_transitions)
@@ -247,7 +247,7 @@ class Planner:
         return int(np.clip(self.n_steps / data.mean_length, fewest, self.n_episodes))
 
     def _deserves(
-        self, plan: Rivals, challenger: ActionTree, data: Transitions, pessimistic: Rollouts
+        self, plan: Planned, challenger: ActionTree, data: Transitions, pessimistic: Rollouts
     ) -> bool:
         """Return whether real returns prefer the challenger, and the model does too."""
         tried = plan.challenger_episodes[-self.memory :]
@@ -261,7 +261,7 @@ class Planner:
         gain = pessimistic.gain(challenger)
         return gain.mean > gain.error
 
-    def _explorers_lead(self, plan: Rivals, data: Transitions) -> bool:
+    def _explorers_lead(self, plan: Planned, data: Transitions) -> bool:
         """Return whether the last explorers earned more than the incumbent, random actions and all.
 
         Then they are past what single changes of the incumbent cannot cross, and a challenger is
@@ -274,7 +274,7 @@ class Planner:
         table = self._against_incumbent(plan, plan.explorer_episodes, data.episode_returns)
         return isinstance(rule.next(table), Verdict)
 
-    def _against_incumbent(self, plan: Rivals, tried: tuple[int, ...], returns: Floats) -> Table:
+    def _against_incumbent(self, plan: Planned, tried: tuple[int, ...], returns: Floats) -> Table:
         """Return the returns of the incumbent's episodes and of others, a row each."""
         recent = self._evidence(plan)[-3 * self.memory :]
         known = recent or _others(plan, returns.size)
@@ -283,7 +283,7 @@ class Planner:
         table[1, : len(tried)] = returns[list(tried)]
         return table
 
-    def _challenger(self, plan: Rivals, pessimistic: Rollouts, scale: float) -> ActionTree | None:
+    def _challenger(self, plan: Planned, pessimistic: Rollouts, scale: float) -> ActionTree | None:
         """Return the best of incumbent, last challenger, corrected incumbent and explorer.
 
         Each is improved before. The explorer, if it leads, was planned with hope, and so it is past
@@ -296,22 +296,22 @@ class Planner:
         for base in (plan.challenger, plan.corrected, plan.explorer):
             if base is None:
                 continue
-            rival = self.improvement.improve(pessimistic, base, scale, begin=begin)
+            challenger = self.improvement.improve(pessimistic, base, scale, begin=begin)
             pessimistic.redraw()
             pessimistic.run(best)
-            if pessimistic.gain(rival).mean > 0.0:
-                best = rival
+            if pessimistic.gain(challenger).mean > 0.0:
+                best = challenger
         pessimistic.redraw()
         pessimistic.run(plan.incumbent)
         gain = pessimistic.gain(best)
         return best if gain.mean > gain.error else None
 
 
-def _knows_nothing(plan: Rivals) -> bool:
+def _knows_nothing(plan: Planned) -> bool:
     """Return whether the policy is a single action still, and nobody has shown another."""
     return n_leaves(plan.incumbent) == 1 and not plan.demonstrations
 
 
-def _others(plan: Rivals, n_episodes: int) -> tuple[int, ...]:
+def _others(plan: Planned, n_episodes: int) -> tuple[int, ...]:
     """Return the episodes of no challenger: evidence where the incumbent has no episodes."""
     return tuple(sorted(set(range(n_episodes)) - set(plan.challenger_episodes)))

@@ -73,15 +73,15 @@ class Advantages:
         _add_what_follows(gains, data.last)
         return cls(data.observations[rows], data.actions[rows], gains[rows])
 
-    def speak_for(self, policy: Integers, rival: Integers) -> float:
-        """Return how many standard errors the rival's way gained more; 0 where nothing is known.
+    def speak_for(self, policy: Integers, challenger: Integers) -> float:
+        """Return how many standard errors a challenger's way gained more; 0 where nothing is known.
 
         Args:
             policy: What the policy does at each observation, shape [N].
-            rival: What the rival does, shape [N].
+            challenger: What the challenger does, shape [N].
         """
-        differs = policy != rival
-        likes = self.gains[differs & (rival == self.actions)]
+        differs = policy != challenger
+        likes = self.gains[differs & (challenger == self.actions)]
         own = self.gains[differs & (policy == self.actions)]
         if min(likes.size, own.size) < FEW:
             return 0.0
@@ -211,12 +211,12 @@ class Proposals:
             variant = variation.of(tree, visited)
             if variant is None:
                 continue
-            rival = self._policy_of(variant)
-            if key(rival) == key(policy) or rival.n_leaves > self.max_leaves:
+            challenger = self._policy_of(variant)
+            if key(challenger) == key(policy) or challenger.n_leaves > self.max_leaves:
                 continue
-            score = known.speak_for(decided, _decisions(rival, known))
+            score = known.speak_for(decided, _decisions(challenger, known))
             if score > most:
-                best, most = rival, score
+                best, most = challenger, score
         return best
 
     def advantages(self, episodes: Sequence[Episode], generator: np.random.Generator) -> Advantages:
@@ -287,7 +287,7 @@ class Proposals:
         self,
         policy: TreePolicy,
         own: Sequence[Episode],
-        rivals: Sequence[TreePolicy],
+        challengers: Sequence[TreePolicy],
         episodes: Sequence[Episode],
     ) -> tuple[tuple[TreePolicy, ...], tuple[float, ...]]:
         """Return the challengers that promise most, and what each is guessed to earn.
@@ -299,7 +299,7 @@ class Proposals:
         Args:
             policy: The incumbent.
             own: Real episodes of it.
-            rivals: The challengers.
+            challengers: The trees that may race.
             episodes: All episodes run so far.
         """
         lead = Lead.of(np.array([episode.undiscounted_return for episode in own]))
@@ -308,7 +308,7 @@ class Proposals:
         foretold: list[float] = []
         missed: Floats | None = None  # by the model that is closest so far
         for model in self._models(episodes):
-            expected, *guesses = self._returns(model, [policy, *rivals]).tolist()
+            expected, *guesses = self._returns(model, [policy, *challengers]).tolist()
             if abs(expected - lead.mean) > reach:
                 continue
             if len(own) < TELLING:
@@ -319,10 +319,11 @@ class Proposals:
             if closer is None or closer.mean > OBVIOUS[TELLING] * closer.error:
                 foretold, missed = guesses, now
         if not foretold:
-            return tuple(rivals), ()
-        worth = np.array(foretold) - self.leaf_price * np.array([one.n_leaves for one in rivals])
+            return tuple(challengers), ()
+        sizes = np.array([one.n_leaves for one in challengers])
+        worth = np.array(foretold) - self.leaf_price * sizes
         best = np.argsort(-worth, kind="stable")[:PROMISING].tolist()
-        return tuple(rivals[k] for k in best), tuple(foretold[k] for k in best)
+        return tuple(challengers[k] for k in best), tuple(foretold[k] for k in best)
 
     def prices(self, trees: Sequence[TreePolicy]) -> tuple[float, ...]:
         """Return the return that each tree has to earn for its leaves."""
@@ -368,15 +369,15 @@ class Proposals:
         n_episodes = max(int(self._settings.model_steps / self._data.mean_length), FEWEST_ROLLOUTS)
         return PairedRollouts(model, n_episodes, 1.0, self._generator)
 
-    def prefer(self, policy: TreePolicy, rival: TreePolicy, episodes: Sequence[Episode]) -> bool:
+    def prefer(self, policy: TreePolicy, challenger: TreePolicy, known: Sequence[Episode]) -> bool:
         """Return whether the challenger earns more in every world model, by a standard error."""
-        return all(self._prefers(model, policy, rival) for model in self._models(episodes))
+        return all(self._prefers(model, policy, challenger) for model in self._models(known))
 
-    def _prefers(self, model: WorldModel, policy: TreePolicy, rival: TreePolicy) -> bool:
+    def _prefers(self, model: WorldModel, policy: TreePolicy, challenger: TreePolicy) -> bool:
         """Return whether the challenger earns more in a world model, by a standard error."""
         rollouts = self._rollouts(model)
         rollouts.run(from_decision_tree(policy.tree, policy.actions))
-        gain = rollouts.gain(from_decision_tree(rival.tree, rival.actions))
+        gain = rollouts.gain(from_decision_tree(challenger.tree, challenger.actions))
         return gain.mean > gain.error
 
     def _policy_of(self, tree: ActionTree) -> TreePolicy:

@@ -115,9 +115,9 @@ class RacedEpisodes:
             mine.append(number)
         return [self.all[number] for number in mine[numbers.start : numbers.stop]]
 
-    def succeeds_less(self, policy: TreePolicy, rival: TreePolicy) -> bool:
+    def succeeds_less(self, policy: TreePolicy, challenger: TreePolicy) -> bool:
         """Return whether a challenger failed more of the starts that both ran."""
-        both = zip(self._run[key(policy)], self._run[key(rival)], strict=False)
+        both = zip(self._run[key(policy)], self._run[key(challenger)], strict=False)
         pairs = [(self.all[own], self.all[other]) for own, other in both]
         return sum(bool(other.is_success) - bool(own.is_success) for own, other in pairs) < 0
 

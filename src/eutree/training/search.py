@@ -213,10 +213,10 @@ class PolicySearch:
         policy = with_locks(merged(self._start), self._start)
         here = replace(state, stage="propose", incumbent=policy)
         if policy.n_leaves > self._max_leaves:
-            rivals = self._proposals.pruned(policy)
+            challengers = self._proposals.pruned(policy)
             if policy.n_leaves <= MOST_LEAVES:
-                rivals = [*self._proposals.planned(policy, self.raced.all), *rivals]
-            return self._with_challengers(here, "cut", rivals, 2 * ROUND_SHARE)
+                challengers = [*self._proposals.planned(policy, self.raced.all), *challengers]
+            return self._with_challengers(here, "cut", challengers, 2 * ROUND_SHARE)
         yield from ()
         return here
 
@@ -227,11 +227,11 @@ class PolicySearch:
 
     def _propose(self, state: SearchState) -> Running[SearchState]:
         """Let each model propose, and C4.5 prune."""
-        rivals = list(self._proposals.planned(state.incumbent, self.raced.all))
+        challengers = list(self._proposals.planned(state.incumbent, self.raced.all))
         if state.round == 0:
-            rivals += self._proposals.pruned(state.incumbent)
+            challengers += self._proposals.pruned(state.incumbent)
         yield from ()
-        proposed = self._with_challengers(state, "race", rivals, ROUND_SHARE)
+        proposed = self._with_challengers(state, "race", challengers, ROUND_SHARE)
         return self._after_rounds(state) if proposed is state else proposed
 
     def _climb(self, state: SearchState) -> Running[SearchState]:
@@ -240,9 +240,9 @@ class PolicySearch:
         own = yield from self.raced.of(policy, range(TELLING), state.starts)
         if own is None:
             return self._after_rounds(state, climbs=False)
-        rivals = list(self._proposals.climbed(policy, own, self.raced.all))
+        challengers = list(self._proposals.climbed(policy, own, self.raced.all))
         climbing = replace(state, round=max(state.round, ROUNDS) + 1)
-        proposed = self._with_challengers(climbing, "race", rivals, ROUND_SHARE)
+        proposed = self._with_challengers(climbing, "race", challengers, ROUND_SHARE)
         return self._after_rounds(state, climbs=False) if proposed is climbing else proposed
 
     def _race(self, state: SearchState) -> Running[SearchState]:
@@ -253,14 +253,14 @@ class PolicySearch:
 
     def _prove(self, state: SearchState) -> Running[SearchState]:
         """Let it replace the incumbent if it earns clearly more on other starts."""
-        policy, rival = state.incumbent, state.challengers[0]
-        better = yield from self._better(state, rival, errors=OF_ONE_ERRORS)
+        policy, challenger = state.incumbent, state.challengers[0]
+        better = yield from self._better(state, challenger, errors=OF_ONE_ERRORS)
         if better is None:
-            better = self._proposals.prefer(policy, rival, self.raced.all)
+            better = self._proposals.prefer(policy, challenger, self.raced.all)
         if not better:
             return self._after_rounds(state, climbs=not state.climbs)
         n = state.round if state.climbs else state.round + 1
-        won = replace(state, incumbent=rival, won=state.won + 1, round=n)
+        won = replace(state, incumbent=challenger, won=state.won + 1, round=n)
         if n >= ROUNDS:
             return self._after_rounds(won)
         return replace(won, stage="propose", challengers=())
@@ -284,23 +284,24 @@ class PolicySearch:
         if self.raced.steps > state.fitted[0] + NEWS * self._settings.steps:
             state = replace(state, fitted=self._fit_advantages())
         steps, state = self.raced.steps, replace(state, idle=state.idle + 1)
-        rival = self._proposals.promising(policy, own, self._known)
-        if rival is None:
+        challenger = self._proposals.promising(policy, own, self._known)
+        if challenger is None:
             return state
         state = replace(state, tried=state.tried + 1)
-        better = yield from self._better(state, rival, errors=OF_MANY_ERRORS)
+        better = yield from self._better(state, challenger, errors=OF_MANY_ERRORS)
         idle = 0 if self.raced.steps > steps else state.idle
         if not better:
-            self.raced.drop(rival)
+            self.raced.drop(challenger)
             return replace(state, idle=idle)
         self.raced.leave_block()
-        return replace(state, idle=idle, incumbent=rival, won=state.won + 1, block=state.block + 1)
+        won, block = state.won + 1, state.block + 1
+        return replace(state, idle=idle, incumbent=challenger, won=won, block=block)
 
     def _with_challengers(
-        self, state: SearchState, stage: str, rivals: Sequence[TreePolicy], share: float
+        self, state: SearchState, stage: str, challengers: Sequence[TreePolicy], share: float
     ) -> SearchState:
         """Return the state before a race of those that differ, for a share of the steps."""
-        distinct = {key(rival): rival for rival in rivals if rival.n_leaves <= self._max_leaves}
+        distinct = {key(one): one for one in challengers if one.n_leaves <= self._max_leaves}
         distinct.pop(key(state.incumbent), None)
         if not distinct:
             return state
@@ -341,13 +342,13 @@ class PolicySearch:
         return trees[verdict.winner]
 
     def _better(
-        self, state: SearchState, rival: TreePolicy, *, errors: float
+        self, state: SearchState, challenger: TreePolicy, *, errors: float
     ) -> Running[bool | None]:
         """Return whether a challenger is ahead, and succeeds as often if it must.
 
         None if it is so far, and the budget is too small to be sure.
         """
-        trees = (state.incumbent, rival)
+        trees = (state.incumbent, challenger)
         known = self._proposals.range_seen(self.raced.all)
         rule = Ahead(errors=errors, final=errors, prices=self._proposals.prices(trees), known=known)
         if state.stage == "prove" and self._spared <= state.limit - self.raced.steps:

@@ -184,8 +184,8 @@ def assign_starts(
 
 
 @compiled_later
-def overlay(policy: ActionTree, rival: ActionTree, n_features: int, out: Integers) -> None:
-    """Write, for each leaf node of the policy, the lowest node of the rival that holds its box."""
+def overlay(policy: ActionTree, challenger: ActionTree, n_features: int, out: Integers) -> None:
+    """Write, for each leaf node of the policy, the challenger's lowest node that holds its box."""
     n_nodes = policy.feature.size
     low = np.full((n_nodes, n_features), -np.inf)
     high = np.full((n_nodes, n_features), np.inf)
@@ -201,12 +201,12 @@ def overlay(policy: ActionTree, rival: ActionTree, n_features: int, out: Integer
             low[right, feature] = max(low[node, feature], policy.threshold[node])
             continue
         at = 0
-        # The box of the leaf lies in that of ``at``; it stops where the rival would divide the box.
-        while rival.feature[at] >= 0:
-            if high[node, rival.feature[at]] <= rival.threshold[at]:
-                at = rival.left[at]
-            elif low[node, rival.feature[at]] >= rival.threshold[at]:
-                at = rival.right[at]
+        # The leaf's box lies in that of ``at``, down to where the challenger would divide it.
+        while challenger.feature[at] >= 0:
+            if high[node, challenger.feature[at]] <= challenger.threshold[at]:
+                at = challenger.left[at]
+            elif low[node, challenger.feature[at]] >= challenger.threshold[at]:
+                at = challenger.right[at]
             else:
                 break
         out[node] = at
@@ -234,25 +234,25 @@ def bucket(
 @compiled_later
 def departures(
     policy: ActionTree,
-    rival: ActionTree,
+    challenger: ActionTree,
     within: Integers,  # [M] out: the overlay
     episodes: Episodes,
     begin: Integers,  # [M + 1]
     steps: Integers,  # [K] by leaf node of the policy
     out: Integers,  # [E]
 ) -> None:
-    """Write the first step of each episode at which the rival acts differently; -1: none.
+    """Write the first step of each episode at which the challenger acts differently; -1: none.
 
-    Only steps in leaves that the rival treats in more than one way, or differently, are visited.
+    Only steps in leaves that the challenger divides, or treats differently, are visited.
     """
-    overlay(policy, rival, episodes.states.shape[1] // 2, within)
+    overlay(policy, challenger, episodes.states.shape[1] // 2, within)
     out[:] = -1
     for leaf in range(policy.feature.size):
         if policy.feature[leaf] >= 0:
             continue
         root, taken = within[leaf], policy.action[leaf]
-        # One leaf of the rival holds the box and acts alike there: none of its steps can differ.
-        if rival.feature[root] < 0 and rival.action[root] == taken:
+        # One leaf of the challenger holds the box and acts alike: none of its steps can differ.
+        if challenger.feature[root] < 0 and challenger.action[root] == taken:
             continue
         for i in range(begin[leaf], begin[leaf + 1]):
             k = steps[i]
@@ -260,7 +260,7 @@ def departures(
             # Steps are numbered in time, so the smallest k of an episode is its first departure.
             if known >= 0 and known < k:
                 continue
-            if rival.action[leaf_node(rival, root, episodes.states[k])] != taken:
+            if challenger.action[leaf_node(challenger, root, episodes.states[k])] != taken:
                 out[episodes.owner[k]] = k
 
 

@@ -188,7 +188,7 @@ def fit_log_odds(
             Z[i, 1 + j] = z
             if squares:
                 Z[i, 1 + d + j] = z * z
-    weights, rival = np.zeros(q), np.zeros(q)
+    weights, tried = np.zeros(q), np.zeros(q)
     step, ahead, H = np.zeros(q), np.zeros(q), np.zeros((q, q))
     # Log-odds of the share: the best fit without features.
     weights[0] = math.log(n_true / (n - n_true))
@@ -199,15 +199,15 @@ def fit_log_odds(
         # for rounding.
         while share > 1e-3:
             for k in range(q):
-                rival[k] = weights[k] - share * step[k]
-            now = newton_step(Z, y, rival, H, ahead)
+                tried[k] = weights[k] - share * step[k]
+            now = newton_step(Z, y, tried, H, ahead)
             if now < before:
                 break
             share *= 0.5
         if not now < before:
             now = before
             break
-        overwrite(weights, rival)
+        overwrite(weights, tried)
         overwrite(step, ahead)
         if before - now < DECREASE:
             break

@@ -323,16 +323,16 @@ def record(
 
 
 @compiled
-def rival_returns(
+def challenger_returns(
     conditions: EnsembleConditions,
     episodes: Episodes,
-    departs: Integers,  # [E] step from which on the rival acts on its own, -1 where it never does
-    rival: ActionTree,
+    departs: Integers,  # [E] step from which the challenger acts on its own, -1 where it never does
+    challenger: ActionTree,
     first: int,
     last: int,
     out: Floats,  # [E]
 ) -> None:
-    """Write a rival's returns, with the same chance, in the episodes ``first`` to ``last`` - 1."""
+    """Write a challenger's returns, with the same chance, in the episodes ``first`` to ``last`` - 1."""
     world, draws, horizon = conditions
     d = world.move.size
     n_members = world.w1.shape[0]
@@ -343,9 +343,9 @@ def rival_returns(
             continue
         state[:] = episodes.states[departs[e]]
         total = episodes.earned[departs[e]]
-        # Up to the step at which it departs, the rival has earned as much as the policy.
+        # Up to the step at which it departs, the challenger has earned as much as the policy.
         for t in range(departs[e] - episodes.first[e], horizon):
-            action = rival.action[leaf_node(rival, 0, state)]
+            action = challenger.action[leaf_node(challenger, 0, state)]
             at = e * EPISODE_STRIDE + t * (d + 1)
             reward, ends = step(world, draws, at, e % n_members, action, state, scratch)
             total += reward

@@ -1,4 +1,4 @@
-"""Compiled loops of rollouts side by side: returns of rivals and of single deviations.
+"""Compiled loops of rollouts side by side: returns of challengers and of single deviations.
 
 Apart from ``_kernels.py``, which looks at one state. A way down a tree is a chain of loads of which
 each waits for the one before, with tests that no processor can foresee. Here many episodes are
@@ -27,7 +27,7 @@ from eutree.world_model._kernels import (
 )
 
 LANES = 64  # work done once for all lanes costs each little
-# Episodes compared before a hopeless rival may be given up.
+# Episodes compared before a hopeless challenger may be given up.
 FIRST_LOOK = 8
 
 
@@ -328,12 +328,12 @@ def record(
 def difference(
     conditions: Conditions,
     episodes: Episodes,
-    departs: Integers,  # [E] step from which on the rival acts on its own, -1 where it never does
-    rival: ActionTree,
+    departs: Integers,  # [E] step from which the challenger acts on its own, -1 where it never does
+    challenger: ActionTree,
     hopeless: float,
     spread: float,  # from the least to the largest return
 ) -> tuple[int, float, float, bool]:
-    """Compare a rival with the recorded policy, in the episodes in which it acts on its own.
+    """Compare a challenger with the recorded policy, in the episodes in which it acts on its own.
 
     Returns the number of those compared, the sums of the differences of return and of their
     squares, and whether all were compared. The rest is left out when the mean over all episodes is
@@ -350,7 +350,7 @@ def difference(
     own = np.full(n_departing, -1)
     rest = np.zeros(n_departing)
     nowhere = without_room(episodes.states.shape[1] // 2)
-    policy = laid_out(rival)
+    policy = laid_out(challenger)
     lanes = empty_lanes(episodes.states.shape[1] // 2)
     n, total, squares, look = 0, 0.0, 0.0, FIRST_LOOK
     # The sums are of the first n; up to the next look all are run side by side, then added in turn.
@@ -360,7 +360,7 @@ def difference(
         go_on(conditions, episodes, policy, lanes, begins[now], own[now], nowhere, rest[now])
         for i in range(n, until):
             k = begins[i]
-            # Up to the step at which it departs, the rival has earned as much as the policy.
+            # Up to the step at which it departs, the challenger has earned as much as the policy.
             gain = episodes.earned[k] + rest[i] - episodes.returns[episodes.owner[k]]
             total += gain
             squares += gain * gain

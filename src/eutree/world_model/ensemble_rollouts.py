@@ -1,4 +1,4 @@
-"""Rollouts in every member of an ensemble, and rivals with the same random numbers."""
+"""Rollouts in every member of an ensemble, and challengers with the same random numbers."""
 
 import numpy as np
 
@@ -50,12 +50,12 @@ class EnsembleRollouts(Rollouts):
         """Return of each of the policy's episodes, shape [E]."""
         return self._cut(self._episodes.returns)
 
-    def returns_of(self, rival: ActionTree, n_episodes: int | None = None) -> Floats:
-        """Return a rival's returns in the first n episodes, by default all."""
-        self._compare(rival)
+    def returns_of(self, challenger: ActionTree, n_episodes: int | None = None) -> Floats:
+        """Return a challenger's returns in the first n episodes, by default all."""
+        self._compare(challenger)
         n = self.n_episodes if n_episodes is None else n_episodes
         out = np.empty(n)
-        self._write_returns(rival, 0, n, out)
+        self._write_returns(challenger, 0, n, out)
         return self._cut(out)
 
     def score(self, returns: Floats) -> float:
@@ -63,22 +63,22 @@ class EnsembleRollouts(Rollouts):
         of_members = returns.reshape(-1, self.n_members).mean(axis=0)
         return float(of_members.mean() - PESSIMISM * of_members.std())
 
-    def gain(self, rival: ActionTree, *, hopeless: float = -np.inf) -> Gain:
-        """Return the score of the rival's gain over the policy; stop early below ``hopeless``.
+    def gain(self, challenger: ActionTree, *, hopeless: float = -np.inf) -> Gain:
+        """Return the score of the challenger's gain over the policy; stop early below ``hopeless``.
 
         It stops when a fifth of the episodes says clearly that their mean will be below.
         """
-        self._compare(rival)
+        self._compare(challenger)
         if not (self._departs >= 0).any():
             return Gain(0.0, 0.0, True)
         out = np.empty(self.n_episodes)
         few = max(self._n_starts // FIRST_LOOK, 1) * self.n_members
-        self._write_returns(rival, 0, few, out)
+        self._write_returns(challenger, 0, few, out)
         gains = self._cut(out[:few]) - self.returns[:few]
         error = float(gains.std() / np.sqrt(few))
         if gains.mean() + CLEARLY * error < hopeless:
             return Gain(self.score(gains), error, False)
-        self._write_returns(rival, few, self.n_episodes, out)
+        self._write_returns(challenger, few, self.n_episodes, out)
         gains = self._cut(out) - self.returns
         return Gain(self.score(gains), float(gains.std() / np.sqrt(gains.size)), True)
 
@@ -88,9 +88,9 @@ class EnsembleRollouts(Rollouts):
         kernels.deviations(self._conditions, self._episodes, self.policy, steps, out)
         return out
 
-    def _write_returns(self, rival: ActionTree, first: int, last: int, out: Floats) -> None:
+    def _write_returns(self, challenger: ActionTree, first: int, last: int, out: Floats) -> None:
         here = self._conditions, self._episodes, self._departs
-        kernels.rival_returns(*here, rival, first, last, out)
+        kernels.challenger_returns(*here, challenger, first, last, out)
 
     def _cut(self, returns: Floats) -> Floats:
         """Return returns no lower and no higher than nearly all real ones were."""
@@ -146,11 +146,11 @@ def _best_cut(rollouts: EnsembleRollouts, generator: np.random.Generator) -> Act
     few = max(few, rollouts.n_members)
     looked_at = []
     for place in places.tolist():
-        rival, _ = with_child(policy, int(inner[place // 2]), goes_left=place % 2 == 0)
-        looked_at.append((rollouts.score(rollouts.returns_of(rival, few)), place, rival))
+        challenger, _ = with_child(policy, int(inner[place // 2]), goes_left=place % 2 == 0)
+        looked_at.append((rollouts.score(rollouts.returns_of(challenger, few)), place, challenger))
     looked_at.sort(key=lambda one: (-one[0], one[1]))
     best = [
-        (rollouts.score(rollouts.returns_of(rival)), place, rival)
-        for _, place, rival in looked_at[:BEST]
+        (rollouts.score(rollouts.returns_of(challenger)), place, challenger)
+        for _, place, challenger in looked_at[:BEST]
     ]
     return max(best, key=lambda one: (one[0], -one[1]))[2]

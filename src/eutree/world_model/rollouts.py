@@ -33,7 +33,7 @@ class Gain:
 
 
 class Rollouts(ABC):
-    """Rollouts of a policy in a world model, and of rivals with the same chance.
+    """Rollouts of a policy in a world model, and of challengers with the same chance.
 
     Args:
         model: World that episodes run in.
@@ -109,8 +109,8 @@ class Rollouts(ABC):
         _kernels.bucket(self.node, self._begin, self._steps)
 
     @abstractmethod
-    def gain(self, rival: ActionTree, *, hopeless: float = -np.inf) -> Gain:
-        """Return the rival's gain over the policy; stop early below ``hopeless``.
+    def gain(self, challenger: ActionTree, *, hopeless: float = -np.inf) -> Gain:
+        """Return the challenger's gain over the policy; stop early below ``hopeless``.
 
         A comparison that stopped early returns its estimate of the complete one.
         """
@@ -135,11 +135,11 @@ class Rollouts(ABC):
     def _record(self, policy: ActionTree) -> None:
         """Write the policy's episodes to ``_spare``."""
 
-    def _compare(self, rival: ActionTree) -> None:
-        """Find the first step of each episode at which a rival acts differently."""
+    def _compare(self, challenger: ActionTree) -> None:
+        """Find the first step of each episode at which a challenger acts differently."""
         self._within = np.zeros(self.policy.feature.size, dtype=np.int64)
         steps = self._begin, self._steps, self._departs
-        _kernels.departures(self.policy, rival, self._within, self._episodes, *steps)
+        _kernels.departures(self.policy, challenger, self._within, self._episodes, *steps)
 
 
 def _empty(n_episodes: int, room: int, d: int) -> Episodes:
@@ -182,15 +182,15 @@ class PairedRollouts(Rollouts):
         """Mean return of the policy's episodes."""
         return float(self._episodes.returns.mean())
 
-    def gain(self, rival: ActionTree, *, hopeless: float = -np.inf) -> Gain:
-        """Return the rival's gain over the policy; stop early below ``hopeless``.
+    def gain(self, challenger: ActionTree, *, hopeless: float = -np.inf) -> Gain:
+        """Return the challenger's gain over the policy; stop early below ``hopeless``.
 
         A comparison that stopped early returns its estimate of the complete one.
         """
-        self._compare(rival)
+        self._compare(challenger)
         here = self._conditions, self._episodes, self._departs
         bounds = hopeless, self._spread
-        n, total, squares, complete = _kernels_lanes.difference(*here, rival, *bounds)
+        n, total, squares, complete = _kernels_lanes.difference(*here, challenger, *bounds)
         if n == 0:
             return Gain(0.0, 0.0, complete)
         share = 1.0 if complete else int(np.count_nonzero(self._departs >= 0)) / n
