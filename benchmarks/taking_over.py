@@ -28,7 +28,7 @@ from eutree.data import Demonstrations, Episode
 from eutree.fitting.fit import mend, race
 from eutree.fitting.playing import Player
 from eutree.interaction import GuardedEnv, episode_seed
-from eutree.learners.starts import SETTINGS, candidates, promising
+from eutree.learners.starts import SETTINGS, fitted_trees, promising
 from people import (
     JUDGING_SEED,
     TASKS,
@@ -225,7 +225,7 @@ class Teaching:
     def chosen(self, steps: int) -> eutree.TreePolicy:
         """Return the tree chosen by playing, as ``fit`` does, from weighted candidates."""
         shown, weights = self.demonstrations(), self.weights(steps)
-        found = candidates(shown, settings=SETTINGS, histories=(0, 1))
+        found = fitted_trees(shown, settings=SETTINGS, histories=(0, 1))
         challengers = []
         for entry in promising(found, 8):
             past = entry.policy.history

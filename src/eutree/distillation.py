@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from eutree.arrays import Floats, Integers
 from eutree.c45 import grow
-from eutree.compression.candidates import Costs, Prunings, merged
+from eutree.compression.smaller_trees import Costs, Prunings, merged
 from eutree.contests import best
 from eutree.data import Demonstrations, Episode
 from eutree.data.demonstrations import lessons

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from eutree.compression import RealEpisodes, compress
-from eutree.compression.candidates import Costs, Prunings
+from eutree.compression.smaller_trees import Costs, Prunings
 from eutree.errors import InvalidArgumentError
 from eutree.policies import LeafStatistics, TreePolicy
 from eutree.schema import Schema

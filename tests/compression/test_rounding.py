@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from eutree.compression import compress
-from eutree.compression.candidates import multiple, rounded, shortest
+from eutree.compression.smaller_trees import multiple, rounded, shortest
 from eutree.trees.boxes import leaf_boxes
 from tests.compression.policies import actions_on, random_policy
 

@@ -16,7 +16,7 @@ from eutree.fitting import Person, playing
 from eutree.fitting.diagnosis import about_result, harms, in_words
 from eutree.fitting.fit import mend, race
 from eutree.fitting.playing import Played, Player, blame, practise, repairs, shown_in
-from eutree.learners.starts import RELEASE_8, SETTINGS, Candidate, candidates, promising
+from eutree.learners.starts import RELEASE_8, SETTINGS, FittedTree, fitted_trees, promising
 from eutree.policies import TreePolicy
 from eutree.schema import EnvironmentSpec, Schema
 from eutree.trees import DecisionTree
@@ -287,7 +287,7 @@ class TestBadInput:
 
 class TestCandidates:
     def test_release_8_comes_first_and_no_tree_twice(self, shown):
-        found = candidates(shown, settings=SETTINGS, histories=(0, 1))
+        found = fitted_trees(shown, settings=SETTINGS, histories=(0, 1))
         assert found[0].policy == eutree.fit_expert_tree(shown)
         assert str(found[0]) == "C4.5 of release 8"
         assert len({entry.policy.to_bytes() for entry in found}) == len(found)
@@ -306,7 +306,7 @@ class TestCandidates:
             for k in range(10)
         )
         lossless = C45Settings.lossless()
-        (found,) = candidates(
+        (found,) = fitted_trees(
             Demonstrations(episodes, schema), settings=(lossless,), histories=(0,)
         )
         decided = found.policy.predict(np.arange(10.0)[:, np.newaxis])[0]
@@ -328,7 +328,7 @@ class TestCandidates:
         assert "with one previous observation" in report.choice
         assert eutree.fit(late, episodes=0, history=0).policy.history == 0
         prompt = [wrong(e, actions=(e.observations[:-1, 0] > 0.5).astype(int)) for e in episodes]
-        found = candidates(
+        found = fitted_trees(
             replace(late, episodes=tuple(prompt)), settings=SETTINGS, histories=(0, 1)
         )
         assert {entry.policy.history for entry in promising(found, 8)} == {0}
@@ -337,7 +337,7 @@ class TestCandidates:
 class TestRace:
     def test_the_better_tree_wins_within_the_budget(self, corridor, shown):
         trees = [leaf(0, shown.schema), leaf(1, shown.schema), eutree.fit_expert_tree(shown)]
-        found = [Candidate(tree, RELEASE_8, np.ones(1)) for tree in trees]
+        found = [FittedTree(tree, RELEASE_8, np.ones(1)) for tree in trees]
         player = Player(corridor, seed=0)
         winner, played = race(found, player, 60)
         assert winner is found[2]
@@ -347,7 +347,7 @@ class TestRace:
 
     def test_the_first_wins_ties_and_a_block_is_the_same_for_all(self, corridor, shown):
         tree = eutree.fit_expert_tree(shown)
-        found = [Candidate(tree, RELEASE_8, np.ones(1)) for _ in range(2)]
+        found = [FittedTree(tree, RELEASE_8, np.ones(1)) for _ in range(2)]
         assert race(found, Player(corridor, seed=0), 20)[0] is found[0]
         player = Player(corridor, seed=5)
         first, again = (player.play(tree, 3, block=2) for _ in range(2))
@@ -402,7 +402,7 @@ class TestRepair:
         assert "walk in place of wait" in found[0][1]
 
     def test_a_repair_is_what_makes_the_tree_move(self, corridor, shown):
-        stuck = Candidate(by_hand(shown.schema, door=(0, 0)), RELEASE_8, np.ones(1))
+        stuck = FittedTree(by_hand(shown.schema, door=(0, 0)), RELEASE_8, np.ones(1))
         player = Player(corridor, seed=1)
         played = player.play(stuck.policy, 20, block=0)
         assert played.evaluation.success_rate == 0.0
@@ -411,7 +411,7 @@ class TestRepair:
         assert "a leaf cut further" in str(mended)
 
     def test_a_tree_as_good_as_the_person_is_left_alone(self, corridor, shown):
-        good = Candidate(eutree.fit_expert_tree(shown), RELEASE_8, np.ones(1))
+        good = FittedTree(eutree.fit_expert_tree(shown), RELEASE_8, np.ones(1))
         player = Player(corridor, seed=1)
         played = player.play(good.policy, 20, block=0)
         assert mend(good, played, shown, player, 20) == (good, played)

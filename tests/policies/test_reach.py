@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from eutree.compression import compress
-from eutree.compression.candidates import merged, with_locks
+from eutree.compression.smaller_trees import merged, with_locks
 from eutree.policies import LeafStatistics, TreePolicy
 from eutree.policies.reach import within_kinds, within_reach
 from eutree.schema import Feature, Schema

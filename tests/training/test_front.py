@@ -156,8 +156,8 @@ def test_what_is_not_more_than_the_slack_is_no_difference():
 
 @pytest.mark.parametrize("seed", range(5))
 def test_what_a_world_model_runs_of_a_tree_is_that_tree(seed):
-    from eutree.compression.candidates import merged
     from eutree.compression.imagined import acting
+    from eutree.compression.smaller_trees import merged
 
     policy = merged(random_policy(seed, 12, n_actions=3))
     quick, slow = acting(policy), from_decision_tree(policy.tree, policy.actions)

@@ -26,8 +26,8 @@ from eutree.schema import EnvironmentSpec
 if TYPE_CHECKING:
     from eutree.arrays import Floats
     from eutree.compression import CompressionReport, RealEpisodes
-    from eutree.compression.candidates import Rounding
     from eutree.compression.episodes import RoundingPlayed
+    from eutree.compression.smaller_trees import Rounding
     from eutree.data import Demonstrations
     from eutree.policies import TreePolicy
     from eutree.world_model import Transitions

@@ -2,7 +2,7 @@
 
 The paper relabels the recorded observations with the policy's own actions, lets unpruned C4.5 fit
 them and says that this "at worst maintains the same number of states". C4.5 as published keeps
-neither promise: the result can be larger and can change recorded actions. So every candidate is
+neither promise: the result can be larger and can change recorded actions. So every tree is
 checked, the exact merge of sibling leaves is always among them, and the smallest that keeps the
 demanded fidelity wins. Who can give something up gets less: a share of the recorded decisions
 (``max_disagreement``), or a margin of the return (``env`` and ``margin``).
@@ -19,18 +19,6 @@ from numpy.typing import ArrayLike
 
 from eutree.arrays import Floats
 from eutree.c45 import C45Settings
-from eutree.compression.candidates import (
-    WEIGHTS,
-    Costs,
-    Ladder,
-    Rounding,
-    by_c45,
-    lossless,
-    merged,
-    rounded,
-    steps_of,
-    with_locks,
-)
 from eutree.compression.episodes import (
     Comparison,
     CompressionReport,
@@ -44,6 +32,18 @@ from eutree.compression.episodes import (
     returns_of,
 )
 from eutree.compression.playing import Ground
+from eutree.compression.smaller_trees import (
+    WEIGHTS,
+    Costs,
+    Ladder,
+    Rounding,
+    by_c45,
+    lossless,
+    merged,
+    rounded,
+    steps_of,
+    with_locks,
+)
 from eutree.contests.betting import episodes_needed
 from eutree.contests.smallest import ATTEMPTS
 from eutree.errors import InvalidArgumentError
@@ -190,19 +190,19 @@ def observation_box(schema: Schema, rows: Floats) -> tuple[Floats, Floats]:
 
 def _smallest(policy: TreePolicy, rows: Floats, mode: str) -> tuple[TreePolicy, str]:
     """Return the smallest tree of a mode that keeps its promise, and which way made it."""
-    candidates = {"merge": merged(policy)}
+    trees = {"merge": merged(policy)}
     if rows.size and mode in ("auto", "lossless"):
-        candidates = lossless(policy, rows)
+        trees = lossless(policy, rows)
     if rows.size and mode in ("auto", "paper"):
-        candidates["paper"] = by_c45(policy, rows, C45Settings.unpruned())
-    candidates = {name: with_locks(tree, policy) for name, tree in candidates.items()}
+        trees["paper"] = by_c45(policy, rows, C45Settings.unpruned())
+    trees = {name: with_locks(tree, policy) for name, tree in trees.items()}
     wanted = policy.actions[policy.tree.leaf_index(rows)]
     best = "merge"
-    for name, candidate in candidates.items():
-        same = mode == "paper" or _agreement(candidate, rows, wanted) == 1.0
-        if same and candidate.n_leaves < candidates[best].n_leaves:
+    for name, tree in trees.items():
+        same = mode == "paper" or _agreement(tree, rows, wanted) == 1.0
+        if same and tree.n_leaves < trees[best].n_leaves:
             best = name
-    return candidates[best], best
+    return trees[best], best
 
 
 def _within(policy: TreePolicy, costs: Costs, share: float) -> tuple[TreePolicy, str]:

@@ -103,7 +103,7 @@ class CompressionReport:
         disagreement_volume: Exact share of the observations that can be on which they decide
             differently: in a box, the environment's, or the recorded data's where that is
             unbounded, in which whole values and categories are counted.
-        method: Which candidate was kept: ``"merge"``, ``"drop"`` (tests that all recorded
+        method: Which tree was kept: ``"merge"``, ``"drop"`` (tests that all recorded
             observations answer alike), ``"lossless"``, ``"paper"``, ``"budget"``, ``"return"``,
             ``"monotone"`` or ``"imagined"``.
         weighted_disagreement: Cost of the changed decisions, as a share of the worst; with
@@ -194,7 +194,7 @@ class RealEpisodes:
             for losses within the range of all returns seen. None only evaluates the result beside
             the input.
         confidence: Of the decision about the margin, and of each end of the interval reported.
-        episodes: Most episodes of each evaluation, and of each candidate before.
+        episodes: Most episodes of each evaluation, and of each tree before.
         return_range: Lowest and highest return of an episode, where the environment does not say
             so itself (``eutree.interaction.first_look``).
         n_jobs: Processes for the episodes, as ``evaluate`` takes them; the result is the same.

@@ -10,10 +10,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from eutree.arrays import Floats
-from eutree.compression.candidates import merged, with_locks
 from eutree.compression.episodes import Comparison, Demand, FrontEntry
 from eutree.compression.playing import CommonEpisodes, Ground, Outcome
 from eutree.compression.searching import FrontSearch
+from eutree.compression.smaller_trees import merged, with_locks
 from eutree.contests import SmallestWithin, hold, new_table
 from eutree.evaluation import Interval
 from eutree.policies import TreePolicy

@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from eutree.arrays import Floats
-from eutree.compression.candidates import Costs, Ladder, merged, with_tree
 from eutree.compression.playing import Move, PairedEpisodes, moved
+from eutree.compression.smaller_trees import Costs, Ladder, merged, with_tree
 from eutree.data import Demonstrations
 from eutree.errors import InvalidArgumentError
 from eutree.learners import History

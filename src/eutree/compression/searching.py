@@ -13,8 +13,8 @@ import numpy as np
 
 from eutree.arrays import Booleans
 from eutree.c45 import C45Settings
-from eutree.compression.candidates import Costs, Prunings, by_c45, merged, with_tree
 from eutree.compression.playing import PairedEpisodes, moved
+from eutree.compression.smaller_trees import Costs, Prunings, by_c45, merged, with_tree
 from eutree.features import threshold_between
 from eutree.policies import TreePolicy
 from eutree.trees import DecisionTree

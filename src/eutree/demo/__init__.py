@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from eutree.compression import RealEpisodes, compress
-from eutree.compression.candidates import rounded
+from eutree.compression.smaller_trees import rounded
 from eutree.data import Demonstrations
 from eutree.demo.page import DemoResult, DemoSettings, PlayedDemo, demo_report, story_of
 from eutree.display import counted

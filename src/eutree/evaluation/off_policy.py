@@ -32,7 +32,7 @@ from eutree.data import Demonstrations, Episode, check_rewards
 from eutree.display import counted
 from eutree.evaluation.log_gains import FittedLog, Gains, cuts
 from eutree.interaction.episode import Stream
-from eutree.learners.starts import SETTINGS, best_left_out, candidates
+from eutree.learners.starts import SETTINGS, best_left_out, fitted_trees
 from eutree.policies import TreePolicy
 from eutree.world_model import PairedRollouts, Transitions, fit_world_models
 from eutree.world_model.action_trees import from_decision_tree
@@ -300,7 +300,7 @@ class Log:
         return self._best(histories=(0, 1) if learned.history or not learned.past_actions else (0,))
 
     def _best(self, histories: tuple[int, ...]) -> TreePolicy:
-        found = candidates(self.recorded, settings=SETTINGS, histories=histories)
+        found = fitted_trees(self.recorded, settings=SETTINGS, histories=histories)
         return best_left_out(found).policy
 
 

@@ -55,12 +55,12 @@ def identifiers(names: Sequence[str], *, reserved: Iterable[str], prefix: str = 
     result = []
     for name in names:
         base = _ascii(name, prefix)
-        candidate, number = base, 1
-        while candidate.casefold() in taken:
+        short, number = base, 1
+        while short.casefold() in taken:
             number += 1
-            candidate = f"{base[: _LENGTH - len(str(number)) - 1].rstrip('_')}_{number}"
-        taken.add(candidate.casefold())
-        result.append(candidate)
+            short = f"{base[: _LENGTH - len(str(number)) - 1].rstrip('_')}_{number}"
+        taken.add(short.casefold())
+        result.append(short)
     return result
 
 

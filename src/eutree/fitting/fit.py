@@ -34,9 +34,9 @@ from eutree.interaction.making import Environment, make, opened
 from eutree.learners.starts import (
     RELEASE_8,
     SETTINGS,
-    Candidate,
+    FittedTree,
     best_left_out,
-    candidates,
+    fitted_trees,
     promising,
 )
 from eutree.policies import TreePolicy
@@ -54,13 +54,13 @@ BLAMED_LEAVES = 3  # that are tried for each of them
 MOST_REPAIR_PLAYS = MOST_REPAIRS * (3 * BLAMED_LEAVES + 1 + 4)
 
 
-def race(found: list[Candidate], player: Player, budget: int) -> tuple[Candidate, Played]:
+def race(found: list[FittedTree], player: Player, budget: int) -> tuple[FittedTree, Played]:
     """Return the winner and its episodes: the worse half drops out after each round.
 
     All play the same episodes, in each round as many more as they have played. The first wins ties.
 
     Args:
-        found: The candidates, at least one.
+        found: The trees, at least one.
         player: Plays their episodes.
         budget: Episodes of all of them together.
     """
@@ -70,20 +70,20 @@ def race(found: list[Candidate], player: Player, budget: int) -> tuple[Candidate
 
 
 def mend(
-    candidate: Candidate,
+    fitted: FittedTree,
     played: Played,
     demonstrations: Demonstrations,
     player: Player,
     budget: int,
-    kept: Callable[[Candidate], Candidate] = lambda candidate: candidate,
-) -> tuple[Candidate, Played]:
-    """Return the candidate, repaired leaf by leaf as long as it falls short of the person.
+    kept: Callable[[FittedTree], FittedTree] = lambda fitted: fitted,
+) -> tuple[FittedTree, Played]:
+    """Return the tree, repaired leaf by leaf as long as it falls short of the person.
 
     Each repair plays the same new block as the tree that it is made of; the best one is taken if
     it does better there and again on another block, twice as long.
 
     Args:
-        candidate: The tree to repair.
+        fitted: The tree to repair.
         played: Its episodes.
         demonstrations: The demonstrations from which it is made.
         player: Plays the repaired trees.
@@ -94,31 +94,31 @@ def mend(
     for number in range(MOST_REPAIRS):
         if not person.is_above(played.evaluation):
             break
-        repaired = _repaired(candidate, played, demonstrations, person)
-        tried = [candidate, *map(kept, repaired)]
+        repaired = _repaired(fitted, played, demonstrations, person)
+        tried = [fitted, *map(kept, repaired)]
         for block, episodes in ((REPAIRING, budget), (CONFIRMING, 2 * budget)):
             rule = Halving(first=episodes, most=episodes)
             policies = [entry.policy for entry in tried]
             winner, again = player.contest(rule, policies, block + number)
             if winner == 0:
-                return candidate, played
-            tried = [candidate, tried[winner]]
-        candidate, played = tried[1], again
-    return candidate, played
+                return fitted, played
+            tried = [fitted, tried[winner]]
+        fitted, played = tried[1], again
+    return fitted, played
 
 
 def _repaired(
-    candidate: Candidate, played: Played, demonstrations: Demonstrations, person: Person
-) -> Iterable[Candidate]:
+    fitted: FittedTree, played: Played, demonstrations: Demonstrations, person: Person
+) -> Iterable[FittedTree]:
     """Yield the repairs of the leaves that have most to do with failing."""
     guilt = blame(played, played.failed(person.mean_return))
     for leaf in np.argsort(-guilt, kind="stable")[:BLAMED_LEAVES].tolist():
         if guilt[leaf] > 0.0:
-            for policy, words in repairs(candidate.policy, demonstrations, leaf):
-                yield replace(candidate, policy=policy, repairs=(*candidate.repairs, words))
+            for policy, words in repairs(fitted.policy, demonstrations, leaf):
+                yield replace(fitted, policy=policy, repairs=(*fitted.repairs, words))
 
 
-MOST_RACING = 8  # candidates
+MOST_RACING = 8  # trees
 RACE_SHARE, REPAIR_SHARE = 3.0, 0.3  # of the episodes that judge the tree
 
 
@@ -195,7 +195,7 @@ def fit(
             taken = [one.declaration for one in proposals if one.taken]
             demonstrations = with_derived(demonstrations, taken)
             world = None if world is None else acting_as(world, demonstrations)
-        found = candidates(
+        found = fitted_trees(
             demonstrations,
             settings=SETTINGS if settings is None else (settings,),
             histories=(0, 1) if history is None and settings is None else (history or 0,),
@@ -220,13 +220,13 @@ class _Keeping:
     demonstrations: Demonstrations
     monotone: tuple[str, ...]
 
-    def kept(self, candidate: Candidate) -> Candidate:
-        """Return a candidate whose tree keeps the rules, by the actions shown in its leaves."""
+    def kept(self, fitted: FittedTree) -> FittedTree:
+        """Return a fitted tree that keeps the rules, by the actions shown in its leaves."""
         if not self.monotone:
-            return candidate
-        shown_there = shown_in(candidate.policy, self.demonstrations).astype(np.float64)
-        kept = self.keeping(candidate.policy, shown_there)
-        return candidate if kept is candidate.policy else replace(candidate, policy=kept)
+            return fitted
+        shown_there = shown_in(fitted.policy, self.demonstrations).astype(np.float64)
+        kept = self.keeping(fitted.policy, shown_there)
+        return fitted if kept is fitted.policy else replace(fitted, policy=kept)
 
     def keeping(self, policy: TreePolicy, weights: Floats | None = None) -> TreePolicy:
         """Return a policy that keeps the rules, by the worth of each action in each leaf."""
@@ -249,8 +249,8 @@ class _Fitting:
     episodes: int
     seed: int
 
-    def report(self, found: list[Candidate], practise: int, *, repair: bool) -> FitReport:
-        """Return the report of the best candidate, after so many episodes of practice."""
+    def report(self, found: list[FittedTree], practise: int, *, repair: bool) -> FitReport:
+        """Return the report of the best tree, after so many episodes of practice."""
         chosen, known = self.choose(found, repair=repair)
         judged, demonstrations = self.judge(chosen), self.demonstrations
         plays = known + judged.episodes
@@ -269,8 +269,8 @@ class _Fitting:
         return replace(after, before_practice=report, plays=better[1].episodes)
 
     def choose(
-        self, found: list[Candidate], *, repair: bool
-    ) -> tuple[Candidate, tuple[Episode, ...]]:
+        self, found: list[FittedTree], *, repair: bool
+    ) -> tuple[FittedTree, tuple[Episode, ...]]:
         """Return the tree to judge and its episodes so far."""
         entrants = promising(found, MOST_RACING)
         if not repair and len(entrants) == 1:
@@ -285,14 +285,14 @@ class _Fitting:
             chosen, played = mend(chosen, played, self.demonstrations, self.player, budget, kept)
         return chosen, played.episodes
 
-    def judge(self, chosen: Candidate) -> Played:
+    def judge(self, chosen: FittedTree) -> Played:
         """Return the fresh episodes of the tree."""
         self.player.begin("judging", self.episodes)
         return self.player.play(chosen.policy, self.episodes, JUDGING)
 
     def practise(
-        self, chosen: Candidate, known: tuple[Episode, ...], episodes: int
-    ) -> tuple[Candidate, Played] | None:
+        self, chosen: FittedTree, known: tuple[Episode, ...], episodes: int
+    ) -> tuple[FittedTree, Played] | None:
         """Return the tree learned from this tree and its play; None if it is no better."""
 
         def tell(run: Any) -> None:
@@ -338,10 +338,10 @@ def _world(
 
 
 def _report(
-    chosen: Candidate,
+    chosen: FittedTree,
     judged: Played | None,
     demonstrations: Demonstrations,
-    found: list[Candidate],
+    found: list[FittedTree],
     notes: list[str],
     episodes_played: int = 0,
 ) -> FitReport:

@@ -34,7 +34,7 @@ from eutree.interaction.deriving import acting_as
 from eutree.interaction.episode import Stream
 from eutree.interaction.making import Environment, opened
 from eutree.learners import fit_expert_tree
-from eutree.learners.starts import SETTINGS, Candidate, candidates, promising
+from eutree.learners.starts import SETTINGS, FittedTree, fitted_trees, promising
 from eutree.policies import TreePolicy
 from eutree.recording.tree_making import Segment
 from eutree.schema import Schema
@@ -282,7 +282,7 @@ def find_hurting(
     with opened(env) as given:
         world = acting_as(given, demonstrations)
         games = _Games(world, seed, on_progress)
-        found = candidates(demonstrations, settings=SETTINGS, histories=(0, 1))
+        found = fitted_trees(demonstrations, settings=SETTINGS, histories=(0, 1))
         entrants = promising(found, 8)
         games.begin("choosing", 3 * judged)
         chosen = entrants[games.best([one.policy for one in entrants], CHOOSING, 3 * judged)[0]]
@@ -340,7 +340,7 @@ class _Search:
     def __init__(
         self,
         demonstrations: Demonstrations,
-        chosen: Candidate,
+        chosen: FittedTree,
         games: _Games,
         budget: int,
         judged: int,

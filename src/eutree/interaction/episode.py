@@ -51,7 +51,7 @@ class Stream(IntEnum):
     RACING = 31
     PROPOSING = 32  # variants of a tree
     COMPARING = 33  # starts at which a learner compares trees
-    FITTING = 41  # candidates of a fit that are played
+    FITTING = 41  # the trees of a fit that are played
     SELECTION = 42  # the best of many runs is chosen
     WINNER = 43  # and judged
     AGAINST = 44  # a result against another policy

@@ -76,11 +76,10 @@ def fit_expert_tree(
     return among_allowed(policy, demonstrations.observations, allowed)
 
 
-# The expert trees of release 8 are the first candidates. Its penalty for cuts of continuous
-# attributes, log2(tries) / N off the gain, is meant for many cases; in the few dozen steps at a
-# place where a person waits it forbids the test that says when to go on. So it may be off, m may
-# be larger against careless keys, CF smaller. One previous observation as features shows what
-# moves where.
+# The expert trees of release 8 come first. Its penalty for cuts of continuous attributes,
+# log2(tries) / N off the gain, is meant for many cases; in the few dozen steps at a place where a
+# person waits it forbids the test that says when to go on. So it may be off, m may be larger
+# against careless keys, CF smaller. One previous observation as features shows what moves where.
 
 
 RELEASE_8 = C45Settings()
@@ -95,7 +94,7 @@ SETTINGS = tuple(
 
 
 @dataclass(frozen=True, eq=False)
-class Candidate:
+class FittedTree:
     """A tree to choose, and how it was made.
 
     Attributes:
@@ -129,9 +128,9 @@ class Candidate:
         return ", ".join(["C4.5" if parts else "C4.5 of release 8", *parts, *self.repairs])
 
 
-def candidates(
+def fitted_trees(
     demonstrations: Demonstrations, *, settings: tuple[C45Settings, ...], histories: tuple[int, ...]
-) -> list[Candidate]:
+) -> list[FittedTree]:
     """Return the different trees of these settings, each with its cross-validation.
 
     Args:
@@ -139,19 +138,19 @@ def candidates(
         settings: The choices of C4.5; of two that give the same tree the first one counts.
         histories: Numbers of previous observations.
     """
-    found: dict[bytes, Candidate] = {}
+    found: dict[bytes, FittedTree] = {}
     for history in histories:
         known = demonstrations.with_history(history) if history else demonstrations
         for chosen in settings:
             policy = replace(fit_expert_tree(known, settings=chosen), history=history)
             key = policy.to_bytes()
             if key not in found:
-                found[key] = Candidate(policy, chosen, _correct(known, chosen))
+                found[key] = FittedTree(policy, chosen, _correct(known, chosen))
     return list(found.values())
 
 
-def promising(found: list[Candidate], most: int) -> list[Candidate]:
-    """Return the first candidate and the best others by episodes left out, at most ``most``.
+def promising(found: list[FittedTree], most: int) -> list[FittedTree]:
+    """Return the first tree and the best others by episodes left out, at most ``most``.
 
     One with more previous observations than the first is among them only if it explains the
     actions left out better than the best one that has as few, by more than a standard error of the
@@ -165,19 +164,19 @@ def promising(found: list[Candidate], most: int) -> list[Candidate]:
     return [first, *(entry for entry in ordered if entry is not first)][:most]
 
 
-def best_left_out(found: list[Candidate]) -> Candidate:
-    """Return the candidate that decides most like the episodes left out: ``fit`` without playing.
+def best_left_out(found: list[FittedTree]) -> FittedTree:
+    """Return the tree that decides most like the episodes left out: ``fit`` without playing.
 
     Of one with more previous observations than the first the same is asked as by ``promising``.
     """
     return max(promising(found, len(found)), key=_share_correct)
 
 
-def _share_correct(candidate: Candidate) -> float:
-    return float(candidate.correct.mean())
+def _share_correct(fitted: FittedTree) -> float:
+    return float(fitted.correct.mean())
 
 
-def _explains_more(other: Candidate, best: Candidate) -> bool:
+def _explains_more(other: FittedTree, best: FittedTree) -> bool:
     gain = other.correct - best.correct
     return bool(gain.mean() > gain.std() / np.sqrt(gain.size))
 

@@ -118,8 +118,8 @@ class KeyMap:
         """Return the key of each control command, none of them an action key."""
         taken = set(self.keys)
         found: dict[str, str] = {}
-        for command, candidates in CONTROL_KEYS.items():
-            free = [key for key in candidates if key not in taken]
+        for command, names in CONTROL_KEYS.items():
+            free = [key for key in names if key not in taken]
             if free:
                 found[command] = free[0]
                 taken.add(free[0])

@@ -11,12 +11,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from eutree.compression.candidates import Costs, Ladder, merged, with_locks
 from eutree.compression.episodes import Demand
 from eutree.compression.front import Front, front_among
 from eutree.compression.imagined import ImaginedCommonEpisodes
 from eutree.compression.playing import CommonEpisodes, Ground
 from eutree.compression.searching import FrontSearch
+from eutree.compression.smaller_trees import Costs, Ladder, merged, with_locks
 from eutree.learners import Learner
 from eutree.learners.learner import Imagines
 from eutree.policies import TreePolicy

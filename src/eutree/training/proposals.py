@@ -12,7 +12,7 @@ import numpy as np
 
 from eutree.arrays import Booleans, Floats, Integers
 from eutree.compiled import compiled
-from eutree.compression.candidates import Costs, Ladder, with_locks
+from eutree.compression.smaller_trees import Costs, Ladder, with_locks
 from eutree.contests.rules import OBVIOUS, Lead
 from eutree.data import Episode
 from eutree.policies import TreePolicy

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from eutree.compression.candidates import merged, with_locks
+from eutree.compression.smaller_trees import merged, with_locks
 from eutree.contests import Ahead, Halving
 from eutree.data import Episode
 from eutree.interaction.episode import Stream

@@ -332,7 +332,7 @@ def challenger_returns(
     last: int,
     out: Floats,  # [E]
 ) -> None:
-    """Write a challenger's returns, with the same chance, in the episodes ``first`` to ``last`` - 1."""
+    """Write a challenger's returns, of the same chance, in episodes ``first`` to ``last`` - 1."""
     world, draws, horizon = conditions
     d = world.move.size
     n_members = world.w1.shape[0]

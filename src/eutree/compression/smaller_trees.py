@@ -1,4 +1,4 @@
-"""The trees that a compression chooses among."""
+"""The smaller trees that a compression chooses among."""
 
 import re
 from collections.abc import Mapping
@@ -163,13 +163,13 @@ def merged(policy: TreePolicy) -> TreePolicy:
     return replace(policy, tree=tree, actions=actions)
 
 
-def with_locks(candidate: TreePolicy, policy: TreePolicy) -> TreePolicy:
-    """Return the candidate with the locked leaves of ``policy`` in it: their boxes and actions."""
+def with_locks(changed: TreePolicy, policy: TreePolicy) -> TreePolicy:
+    """Return ``changed`` with the locked leaves of ``policy`` in it: their boxes and actions."""
     if not policy.locked:
-        return candidate
+        return changed
     n_actions = policy.schema.n_actions
     marks = {leaf: n_actions + leaf for leaf in policy.locked}  # one label each: never joined
-    tree, labels, kept = graft(policy.tree, marks, candidate.tree, candidate.actions)
+    tree, labels, kept = graft(policy.tree, marks, changed.tree, changed.actions)
     tree, leaves = reachable(tree, holding(tree, kept) | possible_nodes(tree, policy.schema))
     tree, labels = merge(tree, labels[leaves])
     actions = np.concatenate([np.arange(n_actions), policy.actions])[labels]
@@ -328,8 +328,8 @@ def multiple(value: float, least: float, below: float, step: float) -> float:
     steps = Decimal(value) / unit
     ends = [float(steps.to_integral_value(way) * unit) for way in (ROUND_FLOOR, ROUND_CEILING)]
     ends.sort(key=lambda number: abs(number - value))
-    for candidates in (ends, [float(np.nextafter(end, -np.inf)) for end in ends]):
-        for number in candidates:
+    for side in (ends, [float(np.nextafter(end, -np.inf)) for end in ends]):
+        for number in side:
             if least <= number < below:
                 return number
     return ends[0]
