@@ -2,6 +2,7 @@
 
 import ast
 import re
+import tokenize
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,6 +18,14 @@ FORBIDDEN_MODULES = {"utils", "util", "common", "helpers", "helper", "misc", "to
 MOST_VAGUE, MOST_WHAT = 2.0, 2.0
 VAGUE = re.compile(r"\b(?:return what|somebody|whoever|anew)\b", re.IGNORECASE)
 WHAT = re.compile(r"\bwhat\b", re.IGNORECASE)
+# The glossary has challenger, contest and episode for these. A rival is what users name with
+# ``--against``; a candidate is a cut, but for a field of the public ``FitReport``.
+OTHER_WORDS = re.compile(r"(?i)(?<![a-z])(rival|contender|candidate|heat)(?:s|ry)?(?![a-z])")
+OTHER_MEANINGS = {
+    *((f"cli/{name}.py", "rival") for name in ("_policies", "compress", "learn", "measuring")),
+    *((f"training/{name}.py", "rival") for name in ("learn", "many", "result")),
+    *((f"c45/{name}.py", "candidate") for name in ("_kernels", "growing")),
+}
 SUPPRESSION = re.compile(r"# (noqa|type: ignore)(.*)")
 SUPPRESSION_WITH_REASON = re.compile(
     r"# (noqa: [A-Z]+\d+(, ?[A-Z]+\d+)* - |type: ignore\[[\w, -]+\]  # (?!noqa))\S.*"
@@ -45,6 +54,25 @@ def test_identifiers_use_the_glossary() -> None:
         and path.name not in FOREIGN_WORDS
     ]
     assert found == []
+
+
+def words_for_trees(path: Path) -> Iterator[tuple[str, str]]:
+    """Yield each other word in names, comments and docstrings, with what it stands in."""
+    with path.open() as lines:
+        for token in tokenize.generate_tokens(lines.readline):
+            if token.type in (tokenize.NAME, tokenize.COMMENT) or token.string.startswith('"""'):
+                parted = re.sub(r"(?<=[a-z])(?=[A-Z])|\bn_candidates\b", "_", token.string)
+                for word in OTHER_WORDS.findall(parted):
+                    yield word.lower(), f"{path}:{token.start[0]}: {token.string.strip()}"
+
+
+def test_trees_that_compete_have_one_word_each() -> None:
+    found: dict[tuple[str, str], list[str]] = {}
+    for path in SOURCES:
+        for word, where in words_for_trees(path):
+            found.setdefault(("/".join(path.parts[-2:]), word), []).append(where)
+    assert [where for place in found.keys() - OTHER_MEANINGS for where in found[place]] == []
+    assert set(found) == OTHER_MEANINGS  # no exception outlives its use
 
 
 def test_each_class_name_means_one_thing() -> None:

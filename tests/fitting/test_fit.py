@@ -285,7 +285,7 @@ class TestBadInput:
             eutree.fit(replace(shown, episodes=()))
 
 
-class TestCandidates:
+class TestFittedTrees:
     def test_release_8_comes_first_and_no_tree_twice(self, shown):
         found = fitted_trees(shown, settings=SETTINGS, histories=(0, 1))
         assert found[0].policy == eutree.fit_expert_tree(shown)
