@@ -236,7 +236,7 @@ class Ahead:
         return self.looks[-1]
 
     def next(self, table: Table) -> NextEpisodes | Verdict:
-        """Return what is to run until the next look, or who has won."""
+        """Return the episodes to run until the next look, or who has won."""
         alive, n = self.standing(table)
         if np.isnan(table[list(alive), :n]).any():
             return NextEpisodes(tuple(sorted(alive)), range(n))
@@ -272,7 +272,7 @@ class Ahead:
         return alive, n
 
     def _saved(self, challenger: int) -> float:
-        """Return what a challenger's fewer leaves are worth; negative where it has more."""
+        """Return the worth of a challenger's fewer leaves; negative where it has more."""
         return self.prices[0] - self.prices[challenger] if self.prices else 0.0
 
     def _decided(self, now: Table, challenger: int) -> bool | None:

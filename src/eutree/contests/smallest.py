@@ -155,7 +155,7 @@ class SmallestWithin:
     def _confirmed(
         self, chosen: Table, mark: int, tree: int, share: float, fresh: Table
     ) -> NextEpisodes | Verdict:
-        """Return what the fresh starts of the best, or the incumbent, and a tree say of it."""
+        """Return the verdict of fresh starts on a tree and the best, or the incumbent."""
         if self.margin is None:
             if np.isnan(fresh).any():
                 return NextEpisodes((0, 1), range(self.episodes))

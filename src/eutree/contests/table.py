@@ -42,14 +42,14 @@ class Verdict:
 
 
 class Rule(Protocol):
-    """What decides a contest: a function of the returns told so far, and of nothing else."""
+    """The rule of a contest: a function of the returns told so far, and of nothing else."""
 
     @property
     def most(self) -> int:
         """Most starts of the contest."""
 
     def next(self, table: Table) -> NextEpisodes | Verdict:
-        """Return what is to run next, or who has won."""
+        """Return the episodes to run next, or who has won."""
 
     def stopped(self, table: Table) -> Verdict:
         """Return who has won where no more episodes can be run."""
@@ -74,7 +74,7 @@ class Bounds:
     known: bool
 
     def condition(self) -> str:
-        """Return what the bounds depend on, as the end of a sentence; "" where on nothing.
+        """Return the condition of the bounds, as the end of a sentence; "" where there is none.
 
         >>> Bounds(1.0, 0.5, 1.5, (-12.4, 3.0), known=False).condition()
         'if no episode returns less than -12.4 or more than 3, the worst and the best seen'
@@ -119,7 +119,7 @@ def seen_range(table: Table, known: tuple[float, float] | None) -> tuple[float, 
 def bounds_of_change(
     table: Table, *, error: float = 0.05, known: tuple[float, float] | None = None
 ) -> Bounds:
-    """Return bounds of what row 1 earns more than row 0, true at any time and however rare losses.
+    """Return bounds of row 1's gain over row 0, true at any time and however rare losses.
 
     Args:
         table: The returns of both from common starts, shape [2, starts].

@@ -1,1 +1,1 @@
-"""Search among small trees: which to run next, and what its episodes showed; no environment."""
+"""Search among small trees: which to run next, and the evidence of its episodes; no environment."""

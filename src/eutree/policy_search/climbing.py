@@ -57,7 +57,7 @@ def annealed(
 
 
 def _try(rollouts: Rollouts, variation: Variation, price: float, temperature: float) -> float:
-    """Change the policy of the rollouts if that pays or luck allows; return what it earns more."""
+    """Change the policy of the rollouts if that pays or luck allows; return its gain."""
     challenger = variation.of(rollouts.policy, rollouts.observations)
     if challenger is None:
         return 0.0

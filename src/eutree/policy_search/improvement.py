@@ -31,7 +31,7 @@ LEAST_GAINS = (0.25, 0.5, 0.75)
 
 
 class _Deviations(NamedTuple):
-    """What single deviations from a policy pay, per episode."""
+    """Gains of single deviations from a policy, per episode."""
 
     gains: Floats  # [n, A]
     observations: Floats  # [n, d] where
@@ -164,7 +164,7 @@ class Improvement:
                 rollouts.run(challenger)
 
     def _deviations(self, rollouts: Rollouts) -> _Deviations:
-        """Return what single deviations pay at some steps of the policy's episodes."""
+        """Return the gains of single deviations at some steps of the policy's episodes."""
         n_steps = rollouts.n_steps
         others = max(rollouts.n_actions - 1, OTHERS)
         n = min(self.deviations * OTHERS // others, n_steps)
@@ -175,9 +175,9 @@ class Improvement:
     def _boxes(
         self, rollouts: Rollouts, price: float, deviations: _Deviations, least: float = 0.0
     ) -> list[tuple[int, Nested]]:
-        """Return leaf nodes and what to put in their place, the most promising first.
+        """Return leaf nodes and the trees to put in their place, the most promising first.
 
-        ``least`` is what a deviation inside a box has to pay on average, as a share of the most
+        ``least`` is the gain that a deviation inside a box needs on average, as a share of the most
         that one pays.
         """
         gains, observations, node = deviations
@@ -203,7 +203,7 @@ class Improvement:
 def _replace_subtrees(rollouts: Rollouts, price: float) -> None:
     """Replace the node that pays most by a child, again and again, while any pays.
 
-    What another node pays is weighed again only when its turn comes, and all once more at the end.
+    Another node's gain is weighed again only when its turn comes, and all once more at the end.
     """
     while True:
         policy = rollouts.policy

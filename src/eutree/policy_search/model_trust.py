@@ -1,4 +1,4 @@
-"""Can this world model be trusted here? How it ordered trees, and what they really earned.
+"""Can this world model be trusted here? How it ordered trees, and their real returns.
 
 Spearman: the order alone counts.
 """
@@ -109,7 +109,7 @@ class ModelTrust:
         return self.correlation.n >= FEWEST_TREES and self.correlation.better_than_chance
 
     def describe(self) -> str:
-        """Return what can be said of the model in one sentence."""
+        """Return the judgement on the model in one sentence."""
         found = self.correlation
         if found.n < FEWEST_TREES or np.isnan(found.value):
             return (

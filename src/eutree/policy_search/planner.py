@@ -28,12 +28,12 @@ _CLEARLY = 3.0  # standard errors
 
 @dataclass(frozen=True, eq=False)
 class Planned:
-    """What a planning learner acts by.
+    """The trees by which a planning learner acts.
 
     Attributes:
         incumbent: The policy.
-        challenger: What is evaluated online to replace it; None while there is nothing better.
-        explorer: What acts to find out; None before the first planning.
+        challenger: The tree evaluated online to replace it; None while there is none better.
+        explorer: The tree that acts to find out; None before the first planning.
         incumbent_episodes: Episodes in which the incumbent acted without exploration.
         challenger_episodes: Episodes in which challengers did, since the last adoption.
         corrected: The incumbent with the corrective demonstrations since the last planning, a tree
@@ -106,11 +106,11 @@ class Planner:
         n_episodes: Rollouts that judge each change, at most.
         n_steps: Steps of these episodes together, about: fewer episodes where they are long, so
             that planning costs as much whatever their length; at least 100 episodes.
-        n_explorer_episodes: The same for the explorer, at most: what it does need not be good, it
-            has to be different where that may pay.
+        n_explorer_episodes: The same for the explorer, at most: its actions need not be good,
+            they have to be different where that may pay.
         improvement: How trees are improved.
         explorer_share: Share of the gathered episodes in which the explorer acts.
-        pessimism: Share of what is unknown that counts as fatal in the challenger's world model.
+        pessimism: Share of the unknown that counts as fatal in the challenger's world model.
         optimism: The same in the explorer's; smaller.
         min_episodes: Fewest episodes of an online evaluation.
         trial_steps: Steps after which it is over, though its episodes are fewer; five they are.
@@ -121,8 +121,8 @@ class Planner:
         incumbent_first: In runs from demonstrations, until the incumbent has so many episodes, it
             acts in the challenger's place whenever it has no more than the challenger: one that was
             adopted after five lucky episodes would else stay a bar that no challenger passes.
-        trust_demonstrations: Whether what was demonstrated counts as what the incumbent can do: if
-            it has played that itself. What others have played is no evidence on it.
+        trust_demonstrations: Whether demonstrations count as the incumbent's own episodes: if it
+            has played them itself. Those of others are no evidence on it.
     """
 
     n_episodes: int = 1000
@@ -166,7 +166,7 @@ class Planner:
         return known < self.incumbent_first and known <= len(plan.challenger_episodes)
 
     def _evidence(self, plan: Planned) -> tuple[int, ...]:
-        """Return the episodes that say what the incumbent can do."""
+        """Return the episodes that are evidence on the incumbent."""
         return plan.incumbent_episodes if self.trust_demonstrations else plan.own_episodes
 
     def due(self, plan: Planned, n_seen: int) -> bool:
@@ -203,7 +203,7 @@ class Planner:
         """Return the plan without the demonstrations if the dynamics have changed since.
 
         Then the incumbent earns much less than was shown. A poor tree does so too, but in the world
-        as it was shown as well: imagined there, its return is nearer to what it has earned.
+        as it was shown as well: imagined there, its return is nearer to the real one.
         """
         n, own, returns = plan.demonstrations, plan.own_episodes, data.episode_returns
         shown, earned = returns[:n], returns[list(own)]
@@ -264,7 +264,7 @@ class Planner:
     def _explorers_lead(self, plan: Planned, data: Transitions) -> bool:
         """Return whether the last explorers earned more than the incumbent, random actions and all.
 
-        Then they are past what single changes of the incumbent cannot cross, and a challenger is
+        Then they are past the valleys that single changes cannot cross, and a challenger is
         planned from there too. Where the incumbent is good that would cost time for nothing. It
         always is where nobody has shown anything.
         """
@@ -287,7 +287,7 @@ class Planner:
         """Return the best of incumbent, last challenger, corrected incumbent and explorer.
 
         Each is improved before. The explorer, if it leads, was planned with hope, and so it is past
-        what single changes of the incumbent have to cross; the pessimist takes back what was only
+        the valleys that single changes cannot cross; the pessimist takes back all that was only
         hoped for.
         None if none of them is better than the incumbent.
         """

@@ -21,7 +21,7 @@ def restarts(data: Transitions, *, max_leaves: int) -> Iterator[ActionTree]:
     """Yield a tree of all episodes that earned more than average, of the best, of the old, the new.
 
     Args:
-        data: What was stored.
+        data: The stored transitions.
         max_leaves: Most leaves of a tree; it is grown from larger leaves until it has no more.
     """
     returns = data.episode_returns

@@ -30,7 +30,7 @@ def gather(
     """Go through an episode of experience, or back to before it if the run is stopped within it.
 
     Args:
-        learner: Who acts, and learns from each step what it will.
+        learner: Who acts, and may learn from each step.
         env: Where.
         state: Where the run stands; moved on when the episode is over.
         gathered: The episodes so far; this one is added when it is over.
@@ -115,15 +115,15 @@ def _finished(state: RunState) -> int:
 
 
 class Racing:
-    """Runs what the policy search asks for.
+    """Runs the episodes that the policy search asks for.
 
     Args:
         plan: The run's seed, and its seconds.
-        state: Where the run stands; what the race runs is counted and noted there.
+        state: Where the run stands; the race's steps are counted and noted there.
 
     Attributes:
         search: The policy search; None before it begins and after its end.
-        result: What the race ended with; None before.
+        result: The policy at the end of the race; None before.
     """
 
     def __init__(self, plan: Plan, state: RunState) -> None:

@@ -1,9 +1,9 @@
 """Checkpoints: all that a run needs to go on from the end of an episode, in one archive.
 
-What happened in the run is stored as the bytes of its ``events.jsonl``, because the JSON document
+The events of the run are stored as the bytes of its ``events.jsonl``, because the JSON document
 beside the arrays may hold 16 MiB only, and a run may have more to tell.
 
-Reading one trusts nothing: what is in it is checked against the run that is to go on from it, and
+Reading one trusts nothing: its contents are checked against the run that is to go on from it, and
 against itself, before the learner is made.
 """
 
@@ -200,7 +200,7 @@ def stored_transitions(path: str | Path, n_actions: int) -> Transitions:
 
 
 def _gathered(path: Path, arrays: dict[str, NDArray[Any]]) -> GatheredEpisodes:
-    """Take what a run noted of its episodes out of the arrays of its checkpoint."""
+    """Take a run's notes on its episodes out of the arrays of its checkpoint."""
     gathered = GatheredEpisodes()
     state = {name: arrays.pop(name, array) for name, array in gathered.state().items()}
     taken(path, state, Declared(0, 0, (_GATHERED,)))

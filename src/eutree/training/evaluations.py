@@ -1,4 +1,4 @@
-"""Where a run acts and is evaluated: the curve, the front, the judgement; what is proven.
+"""Where a run acts and is evaluated: the curve, the front, the judgement, the proofs.
 
 No frozen tree plays the same start twice.
 """
@@ -50,10 +50,10 @@ class Arena:
 
 
 class PlayedStarts:
-    """What frozen trees did from numbered starts, and how much that was.
+    """Episodes of frozen trees from numbered starts, and their number.
 
-    What was played once is counted once, though its returns may be lost between two parts of a run
-    and have to be played again.
+    An episode played once is counted once, though its return may be lost between two parts of a run
+    and it has to be played again.
 
     Attributes:
         counts: How many starts, the first ones, each tree has played, by a digest; the last is the
@@ -74,7 +74,7 @@ class PlayedStarts:
         return self.counts.get(_digest(policy, seed), 0)
 
     def of(self, policy: TreePolicy, starts: Sequence[int], seed: int, arena: Arena) -> Evaluation:
-        """Return what a policy does from some starts, ascending, of an evaluation with this seed.
+        """Return a policy's episodes from some starts, ascending, of an evaluation with this seed.
 
         Those before them are played, too, if they were not yet.
         """
@@ -155,10 +155,10 @@ class Evaluations:
         curve: Evaluations so far.
         kept: With ``keep_success`` the policy that success must not fall from, and its successes.
         earlier: The last trees of the curve that differ, the latest last, where a front follows.
-        front: What was learned and the best tree of each size; empty before it is known.
+        front: The learned tree and the best of each size; empty before it is known.
         picked: The tree of the front that meets the start; None without a front.
         judgement: The result against the start; None before it is known.
-        played: What frozen trees did.
+        played: The episodes of frozen trees.
     """
 
     def __init__(self, plan: Plan, state: RunState) -> None:
@@ -175,7 +175,7 @@ class Evaluations:
         self.judgement: Judgement | None = None
 
     def add(self, policy: TreePolicy, arena: Arena) -> None:
-        """Evaluate what was learned: one more point of the curve."""
+        """Evaluate the learned policy: one more point of the curve."""
         state, steps = self._state, self.played.steps
         state.whole = True  # evaluating changes nothing of the run
         evaluation = self._evaluated(policy, Stream.EVALUATION, arena)
@@ -243,7 +243,7 @@ class Evaluations:
             state.note("front", {"front": entries, "picked": self.picked.n_leaves})
 
     def _proven(self, arena: Arena) -> ProvenFirst | None:
-        """Return what tells proven trees from others, where they are preferred."""
+        """Return the test that tells proven trees from others, where they are preferred."""
         question = self._handover.prefer_proven
         return None if question is None else ProvenFirst(arena.env.spec, question)
 
@@ -305,7 +305,7 @@ class Evaluations:
         return Stream.EVALUATION if shared else Stream.JUDGING
 
     def _pairs(self, first: TreePolicy, policy: TreePolicy, most: int, arena: Arena) -> int:
-        """Return the most pairs that start and result may play: what was played counts again."""
+        """Return the most pairs that start and result may play: those played count again."""
         plan, seed = self._plan, self._seed(self._fresh)
         more = 2 * most
         if plan.is_dear and self._handover.episodes is None:
@@ -328,7 +328,7 @@ class Evaluations:
         return max((self._plan.seconds or 0.0) - self._state.at.seconds, 0.0)
 
     def _count(self) -> None:
-        """Count what was played since this was asked last."""
+        """Count the episodes played since this was asked last."""
         state, played = self._state, self.played
         state.move(played_episodes=state.at.played_episodes + played.episodes - self._counted)
         self._counted = played.episodes

@@ -3,7 +3,7 @@
 From the trees that the run had last, smaller ones are made: imagined by the learner's world model
 where it has one, which costs no step, else by the decisions at stored observations. Those that
 promise most play: from some starts the best of each size is found, from others the pick, from
-others again what is said of all. Steps are few beside those of the run where they are dear.
+others again the reported returns. Steps are few beside those of the run where they are dear.
 """
 
 from collections.abc import Callable, Sequence
@@ -49,7 +49,7 @@ class Extent:
 
     @classmethod
     def of(cls, steps: int, taken: int, episodes: int) -> "Extent | None":
-        """Return what so many steps are enough for, if anything.
+        """Return the effort that so many steps are enough for, if any.
 
         Args:
             steps: Steps that may be played.
@@ -78,9 +78,9 @@ def front_of_run(
     """Return the front of a run; the pick is never None.
 
     Args:
-        trees: What was learned, then what was learned before.
-        start: What the run began with, which the pick succeeds as often as, but for the margin.
-        learner: Imagines, where it can, and knows what was seen.
+        trees: The learned tree, then those learned before.
+        start: The run's first policy, which the pick succeeds as often as, but for the margin.
+        learner: Imagines, where it can, and knows the transitions seen.
         ground: Where trees play.
         extent: How much.
         keeping: Makes a tree keep the run's rules.

@@ -3,7 +3,7 @@
 Both play the same fresh episodes, one pair after the other, until it is decided. The learned tree
 takes the place of the start only if a contest *shows* that it earns more, or that it is smaller and
 earns no less; and if it does not succeed less often by more than a point. Otherwise the start is
-handed over, and the learned tree is kept beside it. What is said of the two is about these
+handed over, and the learned tree is kept beside it. The verdict on the two is about these
 episodes alone, which chose nothing before.
 """
 
@@ -33,7 +33,7 @@ AS_LEARNED = "This method hands over what it learned, whatever it earns"  # aske
 
 @dataclass(frozen=True)
 class JudgedTree:
-    """What one of the two trees did.
+    """The returns and successes of one of the two trees.
 
     Attributes:
         n_leaves: Its leaves.
@@ -99,12 +99,12 @@ class Judgement:
         success_change: Mean of the difference of successes; None where none is reported.
         success_interval: Its 95 % interval, by betting.
         challengers: Trees that were put to the test on the way.
-        start: What the start did; None where nothing was played.
-        learned: What the learned tree did; None where nothing was played.
-        steps: Environment steps of both, where they decide what is handed over; else 0.
+        start: The start's figures; None where nothing was played.
+        learned: The learned tree's figures; None where nothing was played.
+        steps: Environment steps of both, where they decide which is handed over; else 0.
         handed_over: "learned" or "start".
         why: Why that one, in words.
-        condition: What the interval of the return depends on, where the range of returns is not
+        condition: On which the interval of the return depends, where the range of returns is not
             known; else "".
     """
 
@@ -183,8 +183,8 @@ def judged(
     """Return the judgement of two evaluations on the same episodes.
 
     Args:
-        start: What the start did.
-        learned: What the learned tree did.
+        start: The episodes of the start.
+        learned: Those of the learned tree.
         known: Lowest and highest return of an episode; None where they are not known.
         challengers: Trees that were put to the test.
         sizes: Leaves of both; by default as the evaluations say.
@@ -231,7 +231,7 @@ class Handover:
             no less, and succeeds less often by a point at most. None for five for each episode of
             the run, 300 to 5,000, in ten times as many steps as the run took, and in proportion in
             a short run where episodes run one by one (see ``Schedule``); 0 plays none and hands
-            over what was learned, as the presets that read the paper literally do.
+            over the learned tree, as the presets that read the paper literally do.
         error: Chance that a tree that does not deserve it is taken for better.
         success_margin: How much less often than the start the learned tree may succeed.
         keep_success: Replace the policy, also while the run learns, only by one that succeeds as
@@ -239,14 +239,14 @@ class Handover:
             ones, whatever the ``success_margin``.
         max_leaves: Most leaves of the result; a start that has more is not handed over. For methods
             that plan, or with ``race_steps``. Where a race ends the run it keeps the limit, and
-            what is planned before may be larger. None for any number.
-        front_steps: Most environment steps of the front: of what was learned the best tree of each
+            trees planned before may be larger. None for any number.
+        front_steps: Most environment steps of the front: of the learned tree the best of each
             size is made, imagined where the method has a world model, and the smallest that plays
             within one standard error of the best, and succeeds as often as the start but for the
             ``success_margin``, meets the start. None for two for each step of the run, a hundred
             where episodes run side by side; 0 lets the learned tree itself meet the start.
         return_range: Lowest and highest return that an episode can have, where the environment does
-            not say so itself (``eutree.interaction.first_look``); what is said of the learned
+            not say so itself (``eutree.interaction.first_look``); all that is said of the learned
             tree then holds without a condition, also offline.
         prefer_proven: A property, or ``""`` for that of the environment's plant: of the front the
             best that is proven to have it is picked, if any is, and between the pick and the start
@@ -284,7 +284,7 @@ class Handover:
 
     @property
     def has_front(self) -> bool:
-        """Whether smaller trees are made of what was learned."""
+        """Whether smaller trees are made of the learned one."""
         return self.judges and self.front_steps != 0
 
     def pairs(self, gathered: int) -> int:
@@ -350,7 +350,7 @@ class Duel:
             self.table[tree, starts] = returns
 
     def evaluations(self) -> tuple[Evaluation, Evaluation]:
-        """Return what both did, in the starts that both have played."""
+        """Return the episodes of both, from the starts that both have played."""
         start, learned = (Evaluation.join(parts) for parts in self._parts)
         both = range(min(start.episodes, learned.episodes))
         return start.of_episodes(both), learned.of_episodes(both)
@@ -364,7 +364,7 @@ def judge(
     known: tuple[float, float] | None,
     challengers: int,
 ) -> Judgement:
-    """Return which of the two is handed over, and what is known of both.
+    """Return which of the two is handed over, and the evidence on both.
 
     Args:
         handover: How it is decided.

@@ -75,7 +75,7 @@ def learn(
             ``"corrected"``; which it is, and which the other would be, is said aloud.
         start: Where learning begins: ``"nothing"``, ``"tree"``, ``"tree+demos"``, ``"demos"`` or
             ``"random-tree"``; the paper's C. U-Tree, EU-Tree - DT and EU-Tree are the first
-            three. By default what is given.
+            three. By default all that is given.
         budget: How long it may take.
         evaluation: When frozen policies are evaluated, and in how many episodes.
         handover: How it is decided which tree is handed over.
@@ -109,12 +109,12 @@ def learn(
 
 
 def check_possible(env: Environment, asked: Asked, given: Mapping[str, Any], *, seed: int) -> None:
-    """Raise what ``learn`` raises before its first episode, and write nothing.
+    """Raise as ``learn`` does before its first episode, and write nothing.
 
     Args:
         env: Where to learn.
-        asked: What is asked of the run.
-        given: What it is given to begin with, by the names of ``learn``.
+        asked: The request for the run.
+        given: Its beginning, by the names of ``learn``.
         seed: Its seed.
     """
     usual = {"demonstrations": None, "expert": None, "method": "auto", "start": None}
@@ -131,7 +131,7 @@ def rivalry(
     known: tuple[float, float] | None,
     n_jobs: int | None = None,
 ) -> Against:
-    """Return what a policy and a rival do on fresh episodes, which have chosen nothing.
+    """Return fresh episodes of a policy and of a rival, which have chosen nothing.
 
     Args:
         policy: The policy that a run hands over.
@@ -238,7 +238,7 @@ def _arena(
     asked: Asked,
     plan: Plan,
 ) -> Arena:
-    """Return an environment to act in, with the names of what the learner starts from."""
+    """Return an environment to act in, with the names in the learner's start."""
     guarded = GuardedEnv(env, strict=asked.strict, history=asked.history)
     if named is not None:
         guarded.take_names(named.schema)
@@ -253,7 +253,7 @@ def _arena(
 
 
 def _problem(env: GuardedEnv, plan: Plan) -> Problem:
-    """Return what can be known of an environment before the first step.
+    """Return the problem as it is known before the first step.
 
     Raises:
         InvalidArgumentError: The steps for learning, all of which may be for racing, are not enough
@@ -291,7 +291,7 @@ def _start(
     *,
     seed: int,
 ) -> Start:
-    """Return where learning begins; offline what is known of the log is always its history."""
+    """Return where learning begins; offline the known part of the log is always its history."""
     for what, given in (("demonstrations", shown), ("expert", expert)):
         if given is not None:
             problem.schema.check_same(given.schema, what, of="the environment")
@@ -325,14 +325,14 @@ def _carried_out(
 
 
 def _certificate(run: Run, policy: TreePolicy, asked: Handover) -> "Certificate | None":
-    """Return the proof of what is handed over, where proven trees are preferred and it is one."""
+    """Return the proof of the tree handed over, where proven trees are preferred and it is one."""
     if asked.prefer_proven is None:
         return None
     return ProvenFirst(run.beginning.problem.environment, asked.prefer_proven).certificate(policy)
 
 
 def _against(run: Run, policy: TreePolicy, asked: Handover) -> Against | None:
-    """Return what the policy and the rival do on fresh episodes, if one is named."""
+    """Return fresh episodes of the policy and of the rival, if one is named."""
     if asked.against is None or run.arena is None or run.state.stopped:
         return None
     where, known = run.arena.env.env, run.arena.return_range

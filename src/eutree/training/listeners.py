@@ -2,12 +2,12 @@
 
 ``eutree.learn(env, listeners=[TensorBoard("logs/a"), StopWhen(asked), callback])`` tells each of
 them in this order; whatever is no ``Listener`` is taken for a callback of Stable-Baselines3. One of
-your own derives from ``Listener``. What listeners do changes nothing that is learned; only ending
-the run does.
+your own derives from ``Listener``. Listeners change nothing that is learned, unless they end the
+run.
 
 Ctrl-C and SIGTERM are a polite request: finish nothing more, save, and exit. Who does not answer
-within half a second, because a long evaluation or expansion is under way, is interrupted. What that
-leaves half done is thrown away.
+within half a second, because a long evaluation or expansion is under way, is interrupted. All that
+this leaves half done is thrown away.
 """
 
 import signal
@@ -77,9 +77,9 @@ class StopWhen(Listener):
 
 
 class TensorBoard(Listener):
-    """Writes what happens in a run to a folder that TensorBoard shows; needs its extra.
+    """Writes the figures of a run to a folder that TensorBoard shows; needs its extra.
 
-    A resumed run hides what the interrupted one wrote after its last checkpoint, and writes it
+    A resumed run hides all that the interrupted one wrote after its last checkpoint, and writes it
     again.
 
     Args:
@@ -120,7 +120,7 @@ class TensorBoard(Listener):
         self.advanced(run)
 
     def advanced(self, run: Run) -> None:
-        """Write what happened since the last call."""
+        """Write the events since the last call."""
         for event in run.state.events[self._n_events :]:
             self._iterations += event["event"] == "expansion"
             step = event["steps"] if run.plan.gathers else self._iterations
@@ -134,7 +134,7 @@ class TensorBoard(Listener):
         self._n_events = len(run.state.events)
 
     def closes(self) -> None:
-        """Write what is left, and end the log."""
+        """Write the rest, and end the log."""
         if self._writer is not None:
             self._writer.close()
 
@@ -222,7 +222,7 @@ def stop_on_signals() -> Iterator[StopRequest]:
 
 
 class Logger:
-    """What callbacks record: it stands in the next row of ``progress.csv`` and in TensorBoard."""
+    """Figures that callbacks record, for the next row of ``progress.csv`` and for TensorBoard."""
 
     def __init__(self, values: dict[str, float | int | None]) -> None:
         self.name_to_value = values
@@ -247,7 +247,7 @@ class TrainingModel:
     Attributes:
         run: The run itself.
         env: The environment that it gathers in.
-        logger: Takes what callbacks record.
+        logger: Takes the figures that callbacks record.
     """
 
     reads_features = True
@@ -304,7 +304,7 @@ _NAMES = (
 
 
 class Callbacks(Listener):
-    """Tells callbacks what happens in a run; what one has no method for is not told to it.
+    """Tells callbacks of the events of a run, each of those for which it has a method.
 
     Not for offline learning, which takes no steps.
 

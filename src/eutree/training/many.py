@@ -1,6 +1,6 @@
 """Many runs as one: each kept in its folder, the best chosen, and judged on other episodes.
 
-Run k has the seed ``seed + k`` and is what ``learn`` would do alone, so the bytes do not depend on
+Run k has the seed ``seed + k`` and is the run of ``learn`` alone, so the bytes do not depend on
 the number of processes or machines. The smallest tree within one standard error of the best, on
 episodes that no run has learned from, is the winner. A winner was lucky too, so on others again it
 has to deserve to take the place of the start, by the rule of a single run
@@ -56,7 +56,7 @@ class FinishedRun:
         path: Its folder.
         n_leaves: Leaves of its policy.
         environment_steps: All environment steps, demonstrations included.
-        selection: What its policy earned on the selection episodes, the same for all runs.
+        selection: Its policy's selection episodes, from the same starts for all runs.
     """
 
     seed: int
@@ -82,13 +82,13 @@ class LearningRuns:
     Attributes:
         runs: All of them, by seed.
         winner: Number of the one chosen in ``runs``.
-        result: What the best run learned.
-        judged: What the policy that is handed over earned on episodes that chose nothing.
+        result: The result of the best run.
+        judged: Episodes of the policy that is handed over, which chose nothing.
         judgement: The winner's policy against the start on the same episodes, and which of them is
             handed over; None where it is the start, or was handed over without a contest.
         certificate: The proof of the policy that is handed over; None where none was asked for,
             or no run's policy is proven.
-        against: What the policy that is handed over did against the rival of ``Handover``.
+        against: Its episodes and those of the rival that ``Handover`` names, from the same starts.
     """
 
     runs: tuple[FinishedRun, ...]
@@ -119,7 +119,7 @@ class LearningRuns:
 
 
 class RunsForms(ShortForms, total=False):
-    """What ``learn_runs`` hands on to each run: arguments of ``learn``, and its plain words."""
+    """The arguments of ``learn`` that ``learn_runs`` hands on to each run, and its plain words."""
 
     demonstrations: Demonstrations | None
     expert: TreePolicy | None
@@ -217,7 +217,7 @@ def learn_runs(
 def _asked(
     folder: Folder | str | Path | None, options: Mapping[str, Any]
 ) -> tuple[Asked, dict[str, Any]]:
-    """Return what is asked of each run, and what it is given to begin with."""
+    """Return the request for each run, and its beginning."""
     for name in ("listeners", "on_progress", "stop", "callback", "tensorboard"):
         if options.get(name) is not None:
             raise InvalidArgumentError(f"{name} must be None for several runs")

@@ -1,7 +1,7 @@
-"""Where a run stands, and what it does next: a function of its plan and of its position.
+"""Where a run stands, and its next phase: a function of its plan and of its position.
 
     gather    one episode (Table 1, data gathering phase)
-    update    the learner learns from what is stored (Table 1, expansion phase)
+    update    the learner learns from its history (Table 1, expansion phase)
     evaluate  the frozen policy, on the same episodes each time
     race      one episode of the policy search, at the end
     front     the best tree of each size, of which one is picked
@@ -11,7 +11,7 @@ Nothing else decides: neither the clock nor the log of events. A run that learns
 episodes alone has no gathering phase: it updates until nothing changes.
 
 A run of few episodes, in an environment whose episodes run one by one, was made short because they
-are dear: it evaluates in proportion. What its frozen trees play follows from the number of its
+are dear: it evaluates in proportion. How much its frozen trees play follows from the number of its
 episodes alone, so the same seed gives the same bytes on any machine; only where minutes are the
 budget the clock has a say, too.
 """
@@ -60,8 +60,8 @@ def curve_of(
     """Return the episodes between two evaluations, and those of each, as far as nobody named them.
 
     Args:
-        every: What was named, if it was.
-        episodes: What was named, if it was.
+        every: As it was named; None where it was not.
+        episodes: As they were named; None where they were not.
         expected: Episodes of the run, where it has to keep to proportion.
         decides: Whether evaluations along the way decide; else the first and the last do.
     """
@@ -113,7 +113,7 @@ class Phase(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """How long a run is, and what it does when.
+    """How long a run is, and when it does each thing.
 
     Attributes:
         episodes: Most episodes of experience; without gathering, most updates.
@@ -299,7 +299,7 @@ class Follower:
 
 
 class RunState:
-    """What the phases of a run have in common.
+    """The state that the phases of a run have in common.
 
     Args:
         listeners: Who is told of each step, in this order, and may end the run.
@@ -307,8 +307,8 @@ class RunState:
     Attributes:
         at: Where the run stands between two phases.
         steps_of_episode: Steps of the episode under way, gathered or raced; 0 between two.
-        events: What happened so far: updates, evaluations, races, and what listeners recorded.
-        recorded: What listeners measured since the last finished episode, by name.
+        events: Those so far: updates, evaluations, races, and the records of listeners.
+        recorded: Measurements of listeners since the last finished episode, by name.
         stopped: Whether a listener ended the run.
         whole: Whether the learner is between two phases, so that a checkpoint may be saved; False
             while, and after, an interruption struck in the middle of one.
@@ -339,7 +339,7 @@ class RunState:
         self.events.append(here | facts)
 
     def note_what_was_recorded(self) -> None:
-        """Add what listeners measured, if they did."""
+        """Add the listeners' measurements, if there are any."""
         if self.recorded:
             self.note("record", {"values": dict(self.recorded)})
             self.recorded.clear()

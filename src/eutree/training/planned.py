@@ -1,6 +1,6 @@
-"""What a run will do, of all that is asked of it: how is learned, and for how long.
+"""The plan of a run, of all that is asked of it: how is learned, and for how long.
 
-Where no method is named, what was measured to be best for such a task learns. Planning in model
+Where no method is named, the one measured to be best for such a task learns. Planning in model
 trees does much with little experience where features are few, and finds nothing to try where they
 are many: imagined returns there order no trees any more. A network as teacher needs steps, the more
 the fewer features there are for it to be ahead, and demonstrations that fix its scales
@@ -188,7 +188,7 @@ def check_races(plan: Plan, start: Start) -> None:
 
 
 def _check_acts_nowhere(asked: Asked) -> None:
-    """Raise InvalidArgumentError for what needs an environment to act in."""
+    """Raise InvalidArgumentError for wishes that need an environment to act in."""
     races = asked.budget.race_steps
     if races:
         raise InvalidArgumentError(
@@ -231,8 +231,8 @@ def _choice_of(
 def _bounded(method: Method, asked: Asked) -> Method:
     """Return a method with the bounds on its memory and on the leaves that it ends with.
 
-    Where a race sees to the leaves a planner knows no limit: what its explorers may try decides
-    what is stored, and from that the race's models are fitted (``docs/decisions/racing.md``).
+    Where a race sees to the leaves a planner knows no limit: the trials of its explorers are the
+    history to which the race's models are fitted (``docs/decisions/racing.md``).
     """
     changes: dict[str, Any] = {}
     if (most := asked.max_transitions) is not None:

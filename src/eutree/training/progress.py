@@ -80,7 +80,7 @@ class GatheredEpisodes:
 
 
 def values_of(event: Mapping[str, Any], episodes: GatheredEpisodes) -> Values:
-    """Return what one event of a run says, under SB3's names."""
+    """Return the values of one event of a run, under SB3's names."""
     if event["event"] == "record":
         return dict(event["values"])
     if event["event"] in SILENT:
@@ -104,7 +104,7 @@ def values_of(event: Mapping[str, Any], episodes: GatheredEpisodes) -> Values:
 def progress_to_csv(events: Sequence[Mapping[str, Any]], episodes: GatheredEpisodes) -> str:
     """Return ``progress.csv``: a row for each expansion or evaluation, one for both at once.
 
-    What callbacks recorded stands in the next row. A field is empty where nothing was measured.
+    The records of callbacks stand in the next row. A field is empty where nothing was measured.
     """
     rows: list[Values] = []
     pending: Values = {}

@@ -1,4 +1,4 @@
-"""What challenges a policy in a race: plans, prunings, random changes.
+"""Challengers of a policy in a race: plans, prunings, random changes.
 
 Several world models, none of which need be right, each propose improved or smaller trees; C4.5
 proposes prunings; and of several random changes the one is proposed that recorded steps speak for.
@@ -44,7 +44,7 @@ FEW = 5  # rows that say nothing
 
 @dataclass(frozen=True, eq=False)
 class Advantages:
-    """What recorded steps gained over what is usual from where they were taken.
+    """Gains of recorded steps over the usual ones from where they were taken.
 
     Attributes:
         observations: o of each step.
@@ -77,8 +77,8 @@ class Advantages:
         """Return how many standard errors a challenger's way gained more; 0 where nothing is known.
 
         Args:
-            policy: What the policy does at each observation, shape [N].
-            challenger: What the challenger does, shape [N].
+            policy: The policy's action at each observation, shape [N].
+            challenger: The challenger's, shape [N].
         """
         differs = policy != challenger
         likes = self.gains[differs & (challenger == self.actions)]
@@ -117,7 +117,7 @@ FORETELLING = 30  # imagined episodes from the start of a real one
 
 @dataclass(frozen=True, kw_only=True)
 class SearchSettings:
-    """How long to search, and for what.
+    """The length of a search, and its aim.
 
     Attributes:
         steps: Most environment steps to run. An episode begins only if the longest possible one
@@ -167,7 +167,7 @@ class Proposals:
 
     Args:
         start: The policy that the search starts from; its locked leaves are in every challenger.
-        data: What was stored in learning.
+        data: The transitions stored in learning.
         settings: The price of a leaf, and how long to plan.
         generator: Source of all chance.
 
@@ -198,9 +198,9 @@ class Proposals:
         """Return the one of several variants that recorded steps speak for most.
 
         Args:
-            policy: What is varied.
+            policy: The tree to vary.
             own: Some of its episodes.
-            known: What recorded steps gained.
+            known: Gains of recorded steps.
         """
         visited = np.concatenate([episode.observations[:-1] for episode in own])
         variation = Variation(policy.schema.n_actions, self.max_leaves, self._generator)
@@ -236,7 +236,7 @@ class Proposals:
         return [rungs[number] for number in chosen]
 
     def planned(self, policy: TreePolicy, episodes: Sequence[Episode]) -> Iterator[TreePolicy]:
-        """Yield what each world model makes of the policy, at several prices of a leaf."""
+        """Yield each world model's changes of the policy, at several prices of a leaf."""
         start = from_decision_tree(policy.tree, policy.actions)
         for model in self._models(episodes):
             rollouts = self._rollouts(model)
@@ -290,9 +290,9 @@ class Proposals:
         challengers: Sequence[TreePolicy],
         episodes: Sequence[Episode],
     ) -> tuple[tuple[TreePolicy, ...], tuple[float, ...]]:
-        """Return the challengers that promise most, and what each is guessed to earn.
+        """Return the challengers that promise most, and the guessed return of each.
 
-        It is what the tree earns in the first of the models that foretells the incumbent's mean
+        It is the tree's return in the first of the models that foretells the incumbent's mean
         return, or in a later one that is obviously closer to its returns from the same starts.
         Where none foretells it all are returned, without a guess.
 

@@ -1,6 +1,6 @@
 """Real episodes of trees in a policy search: run once each, counted, and known to all alike trees.
 
-Nothing here has an environment: what is to be run is yielded, and the episode is sent back.
+Nothing here has an environment: a tree and its start are yielded, and the episode is sent back.
 """
 
 from collections import deque
@@ -65,7 +65,7 @@ class RacedEpisodes:
         return tuple(self._run.get(key(tree), ()))
 
     def leave_block(self) -> None:
-        """Take up another block: what was run of this one is no answer any more."""
+        """Take up another block: the episodes of this one are no answer any more."""
         self._run.clear()
 
     def drop(self, tree: TreePolicy) -> None:
@@ -78,7 +78,7 @@ class RacedEpisodes:
         """Stand where a search stood after ``n_known`` of the episodes.
 
         Args:
-            episodes: What was run, also after that.
+            episodes: All that were run, also after that.
             n_known: How many the state of the search knows of.
             tree: Whose episodes of the present block it knows.
             own: Their numbers.

@@ -1,4 +1,4 @@
-"""What a learning run gives back."""
+"""The result of a learning run."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class StepCounts:
-    """Environment steps by what they were for.
+    """Environment steps by their purpose.
 
     Attributes:
         demonstrations: Recorded before the run.
@@ -59,7 +59,7 @@ class LearningResult(Displayed):
     """A finished learning run.
 
     Attributes:
-        policy: The policy that is handed over: the pick of the front, or what was learned where
+        policy: The policy that is handed over: the pick of the front, or the learned tree where
             there is no front; or the start where it was not shown that this one is better, or
             smaller and no worse.
         learned: The policy that was learned, also where another is handed over.
@@ -71,19 +71,19 @@ class LearningResult(Displayed):
         start: Where it began: "nothing", "tree", "tree+demos", "demos" or "random-tree".
         episodes: Episodes of experience, without those of evaluations.
         steps: Environment steps of experience, without those of evaluations and racing.
-        environment_steps: Environment steps by what they were for.
+        environment_steps: Environment steps by their purpose.
         evaluation_episodes: Episodes that frozen trees played beside those of experience: in
             evaluations along the way, in the front, and in the judgement.
         challengers: Trees that were put to the test.
         against_start: How the learned tree did against the start, which of them is handed over and
             why; None offline, where the run stopped, and where nothing may be judged.
-        front: What was learned, and the best tree of each size that was made of it, the largest
+        front: The learned tree, and the best of each size that was made of it, the largest
             first, all in the same episodes, which chose none of them; empty without a front.
         picked: The tree of the front that met the start; None without a front.
-        against: What the policy did against the rival that ``Handover`` names.
+        against: The policy's episodes and those of the rival that ``Handover`` names.
         certificate: The proof of the policy, where proven trees are preferred and it is one.
-        against_fit: Offline, what held-out episodes say against the tree of ``fit``, which is the
-            policy unless the learned tree is believed to beat it.
+        against_fit: Offline, the learned tree beside that of ``fit`` on held-out episodes; that of
+            ``fit`` is the policy unless the learned tree is believed to beat it.
         teacher: Who taught, where the method has a teacher: a policy with ``action_values``, for
             ``distill`` for example.
         model_trust: How the world model orders the trees that were really run, where the method
@@ -143,7 +143,7 @@ class LearningResult(Displayed):
 
 
 def result_of(run: Run, policy: TreePolicy, teacher: Teacher | None) -> LearningResult:
-    """Return what a finished run gives back.
+    """Return the result of a finished run.
 
     Args:
         run: The run.

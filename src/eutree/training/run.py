@@ -1,8 +1,8 @@
 """A run: its state between two phases, and the step from one to the next.
 
 All that is random in an episode, an update or a race follows from the run's seed and a number, so
-a run can go on from any boundary with nothing but its learner and its position. Events tell what
-happened; they never decide what comes.
+a run can go on from any boundary with nothing but its learner and its position. Events
+record the past; they never decide the next step.
 """
 
 import time
@@ -35,11 +35,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Beginning:
-    """What a run begins with: how is learned, what, and from where.
+    """The beginning of a run: its method, its problem, and its start.
 
     Attributes:
         method: How is learned.
-        problem: What is learned.
+        problem: The task.
         start: Where learning begins.
         reason: Why this method, where nobody named one; else "".
     """
@@ -60,18 +60,18 @@ class Run:
     """A run in progress.
 
     Args:
-        beginning: How is learned, what, and from where.
-        plan: How long it is, and what happens when.
+        beginning: Its method, its problem, and its start.
+        plan: How long it is, and when it does each thing.
         arena: Where it acts; None for recorded episodes alone.
         listeners: Who is told of each step, and may end the run at its last finished episode.
 
     Attributes:
-        beginning: What the run began with.
+        beginning: Its method, its problem, and its start.
         arena: Where it acts.
         learner: The learner.
         plan: How long the run is.
-        state: Where it stands, what happened so far, and who follows it.
-        phase: What is under way, or was last.
+        state: Where it stands, its events so far, and who follows it.
+        phase: The one under way, or the last.
         gathered: Return, length and success of each episode so far.
         evaluations: The curve, and the result against the start.
         racing: The race at the end.
@@ -193,7 +193,7 @@ class Run:
         )
 
     def keeping(self, policy: TreePolicy) -> TreePolicy:
-        """Return a policy that keeps the plan's monotone rules, by what masks allowed."""
+        """Return a policy that keeps the plan's monotone rules, by actions that masks allowed."""
         if not self._rules:
             return policy
         from eutree.inspection import keep_monotone
@@ -211,7 +211,7 @@ class Run:
         return seen, allowed
 
     def _best(self) -> TreePolicy:
-        """Return what the race ended with or, before that, what was learned."""
+        """Return the race's result or, before that, the learned policy."""
         if self.racing.result is not None:
             return within_kinds(self.keeping(self.racing.result))
         policy = self.learner.decisions().policy(self.beginning.problem)
@@ -260,7 +260,7 @@ class Run:
         )
 
     def _update(self) -> None:
-        """Let the learner learn from what is stored, and note the splits that it made."""
+        """Let the learner learn from its history, and note the splits that it made."""
         state, at = self.state, self.at
         state.gathering_ends()
         number = at.episode if self.plan.gathers else at.updates

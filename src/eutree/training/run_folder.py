@@ -1,4 +1,4 @@
-"""The folder of a learning run: what it makes, and what it needs to go on after any interruption.
+"""The folder of a learning run: its results, and all it needs to go on after any interruption.
 
     config.json        how the run was started
     command.json       the command that started it, if one did
@@ -124,8 +124,8 @@ class RunFolder:
     Args:
         path: The folder; it is made if it does not exist.
         config: How the run is started.
-        kind: The class of its method, which reads back what is stored of it.
-        resume: Go on with what is there, instead of refusing a folder that holds a run.
+        kind: The class of its method, which reads back its state.
+        resume: Go on with the run that is there, instead of refusing a folder that holds a run.
 
     Raises:
         RunFolderError: Another process writes here; or a run is here and ``resume`` is False; or
@@ -221,13 +221,13 @@ class RunFolder:
 
 
 def names_of(front: Sequence[FrontEntry]) -> list[str]:
-    """Return the name of each tree's file: the first is what the others were made of."""
+    """Return the name of each tree's file: the others were made of the first."""
     sizes = [one.policy.n_leaves for one in front[1:]]
     return [f"front/{name}.json" for name in ("learned", *sizes)][: len(front)]
 
 
 def _save_front(folder: Path, front: Sequence[FrontEntry], picked: TreePolicy | None) -> None:
-    """Write the trees of a front, and the table of what they earned."""
+    """Write the trees of a front, and the table of their returns."""
     make_folder(folder / "front")
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")

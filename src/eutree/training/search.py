@@ -9,7 +9,7 @@ trees of the episodes that earned most are begun from, and tests are long.
 
 The search has no environment: ``next_run`` says which tree to run from which start, and ``take``
 takes the episode. It goes through stages; between two of them it can be stored, and
-what was run since the last is run again from the stored episodes, so a kill costs one episode.
+episodes since the last are taken up again from the stored ones, so a kill costs one episode.
 """
 
 from collections.abc import Callable, Sequence
@@ -106,8 +106,8 @@ class PolicySearch:
 
     Args:
         policy: Where it starts. Its locked leaves stay as they are.
-        data: What was stored in learning, with at least one episode.
-        settings: How long, and for what.
+        data: The transitions stored in learning, with at least one episode.
+        settings: Its length, and its aim.
         seed: Seed of all its chance but the episodes'.
         max_episode_steps: Steps after which the environment truncates; None if it never does.
 
@@ -318,7 +318,7 @@ class PolicySearch:
     def _winner(self, state: SearchState) -> Running[TreePolicy]:
         """Return the best of the challengers; only the most promising of them run.
 
-        World models that foretell what the incumbent earns say which these are. All run where
+        World models that foretell the incumbent's return say which these are. All run where
         trees climb.
         """
         trees, length = state.challengers, self.raced.longest
@@ -363,7 +363,7 @@ class PolicySearch:
         return True if verdict.shown else None
 
     def _fit_advantages(self) -> tuple[int, int, dict[str, Any]]:
-        """Fit what recorded steps gained; return what it takes to fit the same again."""
+        """Fit the gains of recorded steps; return all it takes to fit the same again."""
         chance = deepcopy(dict(self._generator.bit_generator.state))
         self._known = self._proposals.advantages(self.raced.all, self._generator)
         return self.raced.steps, len(self.raced.all), chance

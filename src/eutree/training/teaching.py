@@ -51,7 +51,7 @@ class Teacher:
         return 0 if own is None else own
 
     def name(self) -> str:
-        """Return what tells it from another in a run's configuration; "" cannot be."""
+        """Return the name that tells it from another in a run's configuration; "" cannot be."""
         kind = getattr(self.policy, "__name__", type(self.policy).__name__)
         if isinstance(self.policy, TreePolicy):
             kind = hashlib.sha256(self.policy.to_bytes()).hexdigest()
@@ -81,7 +81,7 @@ class AskedTeacher:
         """Return its values at observations [N, d], shape [N, A]; or 1 for its action.
 
         Raises:
-            InvalidArgumentError: What it answers is not as it must be.
+            InvalidArgumentError: Its answer is not as it must be.
         """
         shape = (len(observations), self._n_actions)
         if self._values is None:

@@ -40,7 +40,7 @@ class Budget:
             demonstrations and evaluations. An episode begins only if the longest possible one
             still fits; where none is known, one is cut short at the limit.
         minutes: Most minutes of the clock for all of it: learning, racing and evaluation, for which
-            a fifth is kept at the end. What is learned then depends on the machine; everything else
+            a fifth is kept at the end. The learned tree then depends on the machine; all else
             repeats byte for byte.
         race_steps: Environment steps spent at the end on policy search with racing: trees proposed
             by several world models, prunings and random changes prove themselves against the
@@ -108,7 +108,7 @@ class ShortForms(TypedDict, total=False):
         out: ``path`` of ``Folder``; also its ``resume`` and ``checkpoint_seconds``.
         on_progress: The function of a listener ``Progress``; likewise ``tensorboard``, ``stop``
             (``StopWhen``), and ``callback``, as Stable-Baselines3 has it.
-        teacher: Who says what to do at observations that are met later, in place of the network
+        teacher: Who says how to act at observations that are met later, in place of the network
             that ``distilled-dqn`` would train; its training is not counted but declared.
         history: Number of previous observations that become features too, for what one observation
             does not show, such as a direction of movement.
@@ -118,8 +118,8 @@ class ShortForms(TypedDict, total=False):
         strict: Refuse observations outside the environment's own bounds.
         monotone: Rules such as ``"stop in distance"`` that every policy of the run keeps, the start
             too; see ``eutree.inspection.keep_monotone``.
-        starts: Certificates of what is not proven: half of all episodes, those of races, contests
-            and evaluations too, begin where these fail (``eutree.proof.BeginningThere``).
+        starts: Certificates of trees that are not proven: half of all episodes, those of races,
+            contests and evaluations too, begin where these fail (``eutree.proof.BeginningThere``).
     """
 
     episodes: int | None
@@ -193,7 +193,7 @@ class Asked:
 
     @classmethod
     def of(cls, values: Mapping[str, Any], listeners: object, short: Mapping[str, Any]) -> Self:
-        """Return what values and plain words ask for.
+        """Return the request that values and plain words make.
 
         Args:
             values: The values by name, None where one is not given.
@@ -219,7 +219,7 @@ class Asked:
         return cls(**given, **alone, listeners=tuple(following))
 
     def of_one_run(self) -> Self:
-        """Return what is asked of each of several runs: what is asked of all together is left."""
+        """Return the request for each of several runs, without that for all together."""
         handover = replace(self.handover, prefer_proven=None, against=None)
         return replace(self, handover=handover)
 
@@ -229,7 +229,7 @@ class Asked:
         return {name: getattr(self, name) for name in names}
 
     def going_on(self) -> Self:
-        """Return the same; a run that is resumed has what it began with, where that is not named.
+        """Return the same; a run that is resumed has its first values, where none are named.
 
         That is its budget, and when it is evaluated.
         """
