@@ -71,7 +71,7 @@ def front_among(
 
     Args:
         policy: The input, beside which all are shown.
-        trees: The rivals of the input.
+        trees: The challengers of the input.
         common: Where they run; the starts of its next draw make the front.
         demand: Which is handed back.
     """
