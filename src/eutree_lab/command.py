@@ -176,7 +176,7 @@ def lead(
     """Lead one person through the study in FOLDER, and pack the results.
 
     Its plan, study.toml, and the text that people agree to, consent.md, are written where they are
-    missing, to be changed before the first person begins.
+    missing: change them before the first person.
     """
     from eutree.interaction.making import make
     from eutree.recording import SessionSettings

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from eutree.cli import _options as option
-from eutree.cli._options import ResultCommand, Written
+from eutree.cli._options import Helped, ResultCommand, Written
 from eutree.cli._output import Result, figures_of
 from eutree.cli.fit import hurting
 from eutree.display import counted
@@ -240,8 +240,11 @@ def stats(folder: Path, html: Path | None) -> Result:
 
 
 @demos.command(
-    "import", epilog="Example: eutree demos import minari:eutree/evasion2/human-v0 --out demos/"
-)
+    "import", cls=Helped,
+    brief=("out", "environment", "episode_column", "action_column", "reward_column", "drop",
+           "nominal", "missing", "time", "actions", "as_json"),
+    epilog="Example: eutree demos import minari:eutree/evasion2/human-v0 --out demos/",
+)  # fmt: skip
 @click.argument("source", type=click.Path())
 @option.output("--out", text="A new folder.", required=True)
 @click.option("--env", "environment", help="The environment, where the source names none.")

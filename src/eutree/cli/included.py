@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from eutree.cli import _options as option
-from eutree.cli._options import ResultCommand
+from eutree.cli._options import Helped, ResultCommand
 from eutree.cli._output import Result, figures_of, progress, say
 from eutree.errors import EutreeError
 from eutree.schema import EnvironmentSpec
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from eutree.zoo import Card
 
 
-@click.command(cls=ResultCommand, epilog="Example: eutree demo CartPole-v1 --expert fall")
+@click.command(cls=Helped, epilog="Example: eutree demo CartPole-v1 --expert fall")
 @click.argument("environment", default="eutree/Evasion2-v0")
 @click.option("--expert", help="A scripted demonstrator of the environment; by default its first.")
 @option.output("--out", text="Folder to write.", default="demo-report")

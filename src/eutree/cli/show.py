@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from eutree.cli import _options as option
-from eutree.cli._options import ResultCommand
+from eutree.cli._options import Helped, ResultCommand
 from eutree.cli._output import Result, say
 from eutree.cli._policies import load_demonstrations, load_policy
 from eutree.display import counted
@@ -42,7 +42,7 @@ _COMMENTS: dict[str, Callable[[str], str]] = {
 
 
 @click.command(
-    cls=ResultCommand, epilog="Example: eutree show small.json --html small.html --demos demos/"
+    cls=Helped, epilog="Example: eutree show small.json --html small.html --demos demos/"
 )
 @click.argument("policy", type=click.Path(path_type=Path))
 @option.output("--html", text="Write a page on which the policy can be watched and questioned.")
