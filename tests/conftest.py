@@ -3,6 +3,7 @@
 import gc
 import os
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import hypothesis
@@ -46,6 +47,15 @@ def pytest_collection_finish() -> None:
     """Leave what has been collected out of every later search for garbage."""
     gc.collect()
     gc.freeze()
+
+
+@pytest.fixture(scope="session")
+def proc() -> Path:
+    """Return where Linux tells of processes and sockets; other systems have no such place."""
+    path = Path("/proc")
+    if not (path / "net" / "tcp").exists():
+        pytest.skip("needs Linux's /proc")
+    return path
 
 
 @pytest.fixture(scope="module")

@@ -59,6 +59,17 @@ def test_no_test_module_imports_another() -> None:
     assert found == []
 
 
+def test_what_only_linux_has_is_asked_for_by_the_fixture() -> None:
+    """``proc`` skips a test elsewhere; the loaders' limit on memory does without."""
+    tests = ROOT / "tests"
+    naming = {
+        str(path.relative_to(tests))
+        for path in tests.rglob("*.py")
+        if "/" + "proc" in path.read_text()
+    }
+    assert naming == {"conftest.py", "files/loaders.py"}
+
+
 def imported_by(path: Path) -> Iterator[str]:
     """Yield the full name of everything that a file imports."""
     for node in ast.walk(ast.parse(path.read_text())):

@@ -10,7 +10,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 
 COMMON = """
-import io, resource, struct, sys, zipfile, zlib
+import io, struct, sys, zipfile, zlib
 from pathlib import Path
 import numpy as np
 from eutree.data import Demonstrations
@@ -21,7 +21,7 @@ from eutree.files.arrays import MAX_ARCHIVE
 from eutree.files.documents import MAX_DOCUMENT
 from eutree.data.journal import MAGIC, MAX_JOURNAL
 from eutree.policies import TreePolicy
-from tests.files.loaders import GOLDEN
+from tests.files.loaders import GOLDEN, limit_memory
 import eutree.data.csv_files, eutree.data.npz_files
 path = Path(sys.argv[1])
 """
@@ -76,8 +76,7 @@ load = recover_episode
 MEASURE = """
 path.write_bytes(data)
 del data
-used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
-resource.setrlimit(resource.RLIMIT_AS, (used + 2**30, used + 2**30))
+limit_memory()
 try:
     load(path)
 except FormatError as error:
@@ -88,6 +87,7 @@ print("survived")
 
 @pytest.mark.promise(2)
 @pytest.mark.slow
+@pytest.mark.usefixtures("proc")  # there is no limit without
 @pytest.mark.timeout(300)
 @pytest.mark.parametrize("name", HOSTILE)
 def test_the_caps_keep_memory_below_1_gb(tmp_path, name):

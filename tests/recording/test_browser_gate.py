@@ -7,7 +7,6 @@ import logging
 import socket
 import time
 import warnings
-from pathlib import Path
 
 import pytest
 from websockets.exceptions import ConnectionClosed
@@ -164,10 +163,10 @@ def test_refusals_have_the_headers_too(served) -> None:
 
 
 @pytest.mark.promise(23)
-def test_the_server_listens_on_loopback_only(served) -> None:
+def test_the_server_listens_on_loopback_only(served, proc) -> None:
     listening = [
         line.split()[1]
-        for line in Path("/proc/net/tcp").read_text().splitlines()[1:]
+        for line in (proc / "net" / "tcp").read_text().splitlines()[1:]
         if int(line.split()[1].split(":")[1], 16) == served.port and line.split()[3] == "0A"
     ]
     assert listening == [f"0100007F:{served.port:04X}"]

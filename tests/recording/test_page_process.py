@@ -118,7 +118,7 @@ def test_kill_9_of_the_page_s_process_loses_at_most_the_step_in_flight(tmp_path,
 
 
 @pytest.mark.promise(23)
-def test_other_machines_are_let_in_with_a_warning_only(tmp_path) -> None:
+def test_other_machines_are_let_in_with_a_warning_only(tmp_path, proc) -> None:
     with recording(tmp_path / "a", "eutree/Evasion2-v0", "--host", "0.0.0.0") as recorder:
         warning, address = "".join(recorder.said[:-1]), recorder.said[-1]
         assert warning.startswith("warning: other machines can reach this page at 0.0.0.0")
@@ -126,7 +126,7 @@ def test_other_machines_are_let_in_with_a_warning_only(tmp_path) -> None:
         assert "0.0.0.0" not in address  # but an address that others can open
         with recorder.connect() as page:
             recorder.play(page, 0)
-        listening = Path("/proc/net/tcp").read_text()
+        listening = (proc / "net" / "tcp").read_text()
         assert f" 00000000:{int(recorder.port):04X} " in listening
     with recording(tmp_path / "b", "eutree/Evasion2-v0") as recorder:
         assert [line.split()[0] for line in recorder.said] == ["open"]

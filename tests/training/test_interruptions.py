@@ -110,13 +110,13 @@ def test_the_kill_test_catches_a_writer_that_is_not_atomic(whole, tmp_path, caps
 
 @pytest.mark.promise(12)
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_saves_and_exits_and_the_run_can_be_resumed(whole, tmp_path, number):
+def test_a_signal_saves_and_exits_and_the_run_can_be_resumed(whole, tmp_path, proc, number):
     line, wanted = whole(DOMAINS[0], 0)
     folder = tmp_path / "run"
     process = start(*line, "--out", folder, "--checkpoint-seconds", 0)
     wait_for_new(folder / "checkpoint.npz", None, process)
     time.sleep(random.Random(int(number)).uniform(0, 0.3))
-    spent = cpu_seconds(process.pid)
+    spent = cpu_seconds(proc, process.pid)
     os.kill(process.pid, number)
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     code, err = finish(process)
@@ -130,10 +130,9 @@ def test_a_signal_saves_and_exits_and_the_run_can_be_resumed(whole, tmp_path, nu
     assert digests(folder) == wanted
 
 
-def cpu_seconds(pid):
+def cpu_seconds(proc, pid):
     """Return the processor time that a process has taken so far."""
-    with open(f"/proc/{pid}/stat") as file:
-        fields = file.read().rpartition(")")[2].split()
+    fields = (proc / str(pid) / "stat").read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
@@ -193,7 +192,7 @@ def test_a_second_process_is_refused_and_the_lock_of_a_dead_one_is_taken_over(
 
 @pytest.mark.slow
 @pytest.mark.promise(12)
-def test_a_signal_while_racing_saves_and_exits_and_the_run_can_be_resumed(whole, tmp_path):
+def test_a_signal_while_racing_saves_and_exits_and_the_run_can_be_resumed(whole, tmp_path, proc):
     """Once racing took 2 to 3.7 s to answer, and what it had run was lost."""
     demos = whole(DOMAINS[0], 0)[0][2]
     line = ("learn", "--demos", demos, "--episodes", 0, "--evaluation-episodes", 4)
@@ -204,7 +203,7 @@ def test_a_signal_while_racing_saves_and_exits_and_the_run_can_be_resumed(whole,
     wait_for_new(folder / "checkpoint.npz", None, process)
     wait_for_new(folder / "checkpoint.npz", identity(folder / "checkpoint.npz"), process)
     time.sleep(0.5)
-    spent = cpu_seconds(process.pid)
+    spent = cpu_seconds(proc, process.pid)
     os.kill(process.pid, signal.SIGINT)
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     code, err = finish(process)

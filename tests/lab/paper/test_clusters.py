@@ -5,7 +5,6 @@ import os
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import gymnasium
 import joblib
@@ -163,16 +162,16 @@ def test_a_package_that_is_not_there_is_a_clear_error(
     assert f"{package} is not installed; get it with: pip install" in capsys.readouterr().err
 
 
-def listening(session):
+def listening(proc, session):
     """Return where the processes of a session listen, as the kernel writes addresses."""
     inodes = {}
     for table in ("tcp", "tcp6"):
-        for line in Path("/proc/net", table).read_text().splitlines()[1:]:
+        for line in (proc / "net" / table).read_text().splitlines()[1:]:
             fields = line.split()
             if fields[3] == "0A":
                 inodes[f"socket:[{fields[9]}]"] = fields[1]
     found = set()
-    for process in Path("/proc").glob("[0-9]*"):
+    for process in proc.glob("[0-9]*"):
         try:
             if int((process / "stat").read_text().rpartition(")")[2].split()[3]) == session:
                 links = [os.readlink(link) for link in (process / "fd").iterdir()]
@@ -182,7 +181,7 @@ def listening(session):
     return found
 
 
-def heard(*arguments):
+def heard(proc, *arguments):
     """Run Python in a session of its own; return where anything in it ever listened.
 
     Its standard input ends once something has been heard, for what waits for that.
@@ -194,7 +193,7 @@ def heard(*arguments):
     )  # fmt: skip
     found, seen = set(), 0
     while process.poll() is None:
-        found |= listening(process.pid)
+        found |= listening(proc, process.pid)
         if found:
             process.stdin.close()
         seen += 1
@@ -206,23 +205,18 @@ def heard(*arguments):
     return found
 
 
-needs_proc = pytest.mark.skipif(not Path("/proc/net/tcp").exists(), reason="needs Linux's /proc")
-
-
-@needs_proc
 @pytest.mark.parametrize("backend", ["loky", "dask", "ray"])
-def test_nothing_listens_where_no_address_is_given(tmp_path, backend):
+def test_nothing_listens_where_no_address_is_given(tmp_path, proc, backend):
     """Dask's dashboard did, on all addresses; its scheduler ran what any client sent."""
     line = ["learn", "eutree/Evasion2-v0", "--runs", 2, "--n-jobs", 2, "--episodes", 2]
     line += ["--evaluation-episodes", 2, "--preset", "paper", "--out", tmp_path / "runs"]
-    assert heard("-m", "eutree", *line, "--backend", backend) == set()
+    assert heard(proc, "-m", "eutree", *line, "--backend", backend) == set()
     assert (tmp_path / "runs" / "policy.json").exists()
 
 
-@needs_proc
-def test_what_listens_is_heard():
+def test_what_listens_is_heard(proc):
     program = "import socket, sys; s = socket.create_server(('127.0.0.1', 0)); sys.stdin.read()"
-    assert len(heard("-c", program)) == 1
+    assert len(heard(proc, "-c", program)) == 1
 
 
 @pytest.mark.slow
