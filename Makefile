@@ -138,9 +138,11 @@ lock:
 # released under that heading, with the day.
 changelog:
 	@ls changelog.d/*.md >/dev/null 2>&1 || { echo 'error: there is nothing in changelog.d to fold' >&2; exit 1; }
-	sed -i '/^## Unreleased/r /dev/stdin' CHANGELOG.md < <(echo; cat changelog.d/*.md)
+	{ sed '/^## Unreleased/q' CHANGELOG.md; \
+	  [ -z '$(RELEASE)' ] || printf '\n## %s (%s)\n' '$(RELEASE)' "$$(date -u +%F)"; \
+	  echo; cat changelog.d/*.md; sed '1,/^## Unreleased/d' CHANGELOG.md; } > CHANGELOG.md.new
+	mv CHANGELOG.md.new CHANGELOG.md
 	rm changelog.d/*.md
-	$(if $(RELEASE),sed -i 's/^## Unreleased$$/&\n\n## $(RELEASE) ('"$$(date -u +%F)"')/' CHANGELOG.md)
 
 clean:
 	rm -rf $(VENV) .venv.lock .mypy_cache .ruff_cache .hypothesis docs/_build
