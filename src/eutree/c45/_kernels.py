@@ -293,7 +293,7 @@ def choose_tests(
     valid = np.empty(d, np.bool_)
     cuts = np.empty((d, 2))
     counts = np.empty((4, n_classes))
-    frequency = np.empty((max(1, n_values.max()), n_classes))
+    frequency = np.empty((max(1, int(n_values.max())), n_classes))
     for node in range(starts.size - 1):
         start, stop = starts[node], starts[node + 1]
         total = weights[node]

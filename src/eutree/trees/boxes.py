@@ -179,7 +179,7 @@ def volumes(low: Floats, high: Floats, box_low: Floats, box_high: Floats, schema
         of_all = box_high[group] >= 1.0
         left = left_of_group(low, high, group) & of_all
         sides[..., group] = 1.0
-        sides[..., group[0]] = left.sum(axis=-1) / max(of_all.sum(), 1)
+        sides[..., group[0]] = left.sum(axis=-1) / max(int(of_all.sum()), 1)
     product: Floats = sides.prod(axis=-1)
     return product
 
