@@ -58,6 +58,7 @@ test: install-test
 test-all: install-test
 	$(PY) -m pytest -q -rs -p no:benchmark -n $(JOBS) --dist worksteal $(ARGS)
 
+# Everything here can fail but the ages of figures, which are listed.
 check: install-test
 	$(PY) -m ruff format --check .
 	$(PY) -m ruff check .

@@ -35,17 +35,20 @@ def test_the_workflow_covers_each_declared_python_and_macos():
     }
     assert set(matrix["python"]) == declared
     assert {extra["os"] for extra in matrix["include"]} == {"macos-latest"}
-    runs = [step["run"] for job in jobs.values() for step in job["steps"] if "run" in step]
+    steps = [step for job in jobs.values() for step in job["steps"]]
+    assert not [step for step in steps if "if" in step], "each step runs on each of them"
+    runs = [step["run"] for step in steps if "run" in step]
     assert sorted(runs) == [".ci/run", "make UV= check", "make UV= test"]
 
 
 def test_each_commit_is_checked_by_the_commands_of_make_check():
     hooks = read(".pre-commit-config.yaml")["repos"][0]["hooks"]
     commands = [line.strip() for line in recipe("check")]
-    for hook in hooks:
-        assert any(command.startswith(hook["entry"]) for command in commands), hook["entry"]
-    skipped = [c for c in commands if not any(c.startswith(hook["entry"]) for hook in hooks)]
-    assert skipped == ["$(MAKE) docs"]
+    assert [*(hook["entry"] for hook in hooks), "$(MAKE) docs"] == commands
+    assert not [hook["id"] for hook in hooks if hook["pass_filenames"]]
+    kinds = {hook["id"]: set(hook.get("types_or", ())) for hook in hooks}
+    assert kinds["lint"] == kinds["format"] == {"python", "pyi", "jupyter", "toml"}
+    assert "toml" in kinds["types"] & kinds["layers"], "their settings are in pyproject.toml"
 
 
 def test_read_the_docs_builds_as_make_docs_does():
