@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from eutree.policy_search.restarts import restarts
+from eutree.policy_search.climbing import restarts
 from eutree.world_model import Transitions
 from eutree.world_model.action_trees import n_leaves, nested
 

@@ -16,10 +16,9 @@ from eutree.compression.smaller_trees import Costs, Ladder, with_locks
 from eutree.contests.rules import OBVIOUS, Lead
 from eutree.data import Episode
 from eutree.policies import TreePolicy
-from eutree.policy_search.climbing import annealed, climbed
+from eutree.policy_search.climbing import annealed, climbed, restarts
 from eutree.policy_search.improvement import Improvement
 from eutree.policy_search.planner import FEWEST_ROLLOUTS
-from eutree.policy_search.restarts import restarts
 from eutree.policy_search.variation import Variation
 from eutree.validation import check_integer, check_number
 from eutree.world_model import (
