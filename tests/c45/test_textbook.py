@@ -7,7 +7,7 @@ import pytest
 
 from eutree.c45 import C45Settings, grow
 from eutree.c45._kernels_pruning import add_errors
-from eutree.c45.text import C45Names, to_text
+from eutree.c45.tree import C45Names, to_text
 
 # Quinlan (1993), C4.5: Programs for Machine Learning, the golf example of chapter 2:
 # outlook (0 sunny, 1 overcast, 2 rain), temperature, humidity, windy, and whether to play.

@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from eutree.arrays import Booleans, Floats, Int32s, Integers
-from eutree.c45 import text
 from eutree.c45.growing import C45Settings, Dialect, grow
-from eutree.c45.tree import C45Tree
+from eutree.c45.tree import C45Names, C45Tree, to_text
 from eutree.display import framed
 from eutree.errors import InvalidArgumentError, MissingExtraError, UnknownNameError
 from eutree.trees import DecisionTree
@@ -307,14 +306,14 @@ class C45Classifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # sk
         columns: Iterable[object] = getattr(
             self, "feature_names_in_", [f"x{i}" for i in range(self.n_features_in_)]
         )
-        names = text.C45Names(
+        names = C45Names(
             features=tuple(map(str, columns)),
             classes=tuple(map(str, self.classes_)),
             values=tuple(
                 () if values is None else tuple(map(str, values)) for values in self.categories_
             ),
         )
-        return text.to_text(self._tree(), names)
+        return to_text(self._tree(), names)
 
     def _html_repr(self) -> str:
         """Return scikit-learn's diagram for notebooks, and below it the fitted tree."""
