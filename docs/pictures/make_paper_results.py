@@ -19,8 +19,12 @@ from textwrap import wrap
 
 from eutree_lab.paper.claims import FAILS, HOLDS, OPEN
 from eutree_lab.paper.experiment import FULL
-from eutree_lab.paper.registry import EXPERIMENTS
-from eutree_lab.paper.reproduce import claims_to_markdown, number_text, reproduce
+from eutree_lab.paper.reproduce import (
+    EXPERIMENTS,
+    claims_to_markdown,
+    number_text,
+    reproduce,
+)
 from eutree_lab.paper.results import Results
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # the paper's numbers

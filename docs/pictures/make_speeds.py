@@ -14,8 +14,7 @@ from pathlib import Path
 from eutree.evaluation.evaluation import Estimate
 from eutree_lab.paper.claims import HOLDS, judged
 from eutree_lab.paper.experiment import FULL, by_learner, by_speed
-from eutree_lab.paper.registry import EXPERIMENTS
-from eutree_lab.paper.reproduce import claims_to_markdown, reproduce
+from eutree_lab.paper.reproduce import EXPERIMENTS, claims_to_markdown, reproduce
 from eutree_lab.paper.results import Results
 from eutree_lab.paper.runs import RunRecord
 from eutree_lab.statistics import bootstrap

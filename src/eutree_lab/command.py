@@ -77,8 +77,13 @@ def reproduce(
     from eutree.validation import check_choice
     from eutree_lab.framework.runs import SMOKE_RUNS, TAUGHT, specs
     from eutree_lab.paper.experiment import FULL, SMOKE
-    from eutree_lab.paper.registry import EXPERIMENTS, FRAMEWORK, FRAMEWORK_TITLE, chosen
-    from eutree_lab.paper.reproduce import number_text
+    from eutree_lab.paper.reproduce import (
+        EXPERIMENTS,
+        FRAMEWORK,
+        FRAMEWORK_TITLE,
+        chosen,
+        number_text,
+    )
     from eutree_lab.paper.reproduce import reproduce as reproduce_experiments
 
     output = Output(as_json=as_json)

@@ -17,8 +17,7 @@ from eutree.policies import TreePolicy
 from eutree.report import WatchedEpisode, demonstrations_page, policy_page, run_page
 from eutree.schema import EnvironmentSpec
 from eutree_lab.paper.experiment import SMOKE
-from eutree_lab.paper.registry import chosen
-from eutree_lab.paper.reproduce import reproduce
+from eutree_lab.paper.reproduce import chosen, reproduce
 from tests.report.browser import open_page
 from tests.report.colours import palette, wrong_colours
 from tests.report.pages import report

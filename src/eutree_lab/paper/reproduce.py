@@ -21,13 +21,23 @@ from pathlib import Path
 from eutree.display import counted
 from eutree.files import write_bytes, write_text
 from eutree.report.html import asset, head, page
+from eutree.validation import check_choice
 from eutree_lab.paper.claims import FAILS, HOLDS, OPEN, SMOKE_RUN, Claim
 from eutree_lab.paper.drawing import drawn, side_by_side
 from eutree_lab.paper.experiment import Experiment, ExperimentScale, Records
+from eutree_lab.paper.expert_and_compression import COMPRESSION, EXPERT
+from eutree_lab.paper.figure_2_3 import FIGURE_2, FIGURE_3
+from eutree_lab.paper.figure_4_5 import FIGURE_4A, FIGURE_4B, FIGURE_5
 from eutree_lab.paper.results import Results
 from eutree_lab.paper.runs import RunSpec
+from eutree_lab.paper.table_2 import TABLE_2
 
 PRESETS = ("paper", "default")
+_EACH = (FIGURE_2, FIGURE_3, TABLE_2, FIGURE_4A, FIGURE_4B, FIGURE_5, EXPERT, COMPRESSION)
+EXPERIMENTS = {experiment.id: experiment for experiment in _EACH}
+
+FRAMEWORK = "framework"  # runs methods from starts, not learners under presets
+FRAMEWORK_TITLE = "The framework: every method, every start"
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +51,12 @@ class Reproduction:
 
     claims: tuple[Claim, ...]
     folder: Path
+
+
+def chosen(name: str) -> list[Experiment]:
+    """Return the experiment of that name, or every one of the paper's for ``"all"``."""
+    check_choice("experiment", name, [*EXPERIMENTS, "all"])
+    return list(EXPERIMENTS.values()) if name == "all" else [EXPERIMENTS[name]]
 
 
 def reproduce(

@@ -11,8 +11,7 @@ from eutree.evaluation.evaluation import Estimate, Interval
 from eutree_lab.paper import results as results_module
 from eutree_lab.paper.claims import FAILS, HOLDS, OPEN, SMOKE_RUN, close_to, judged
 from eutree_lab.paper.experiment import FULL, SMOKE
-from eutree_lab.paper.registry import EXPERIMENTS, chosen
-from eutree_lab.paper.reproduce import claims_to_markdown, reproduce
+from eutree_lab.paper.reproduce import EXPERIMENTS, chosen, claims_to_markdown, reproduce
 from eutree_lab.paper.results import Results
 from eutree_lab.paper.runs import RunSpec, run
 
