@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from eutree.arrays import Booleans, Floats, Integers
 from eutree.errors import InvalidArgumentError, MissingExtraError
 from eutree.evaluation import Estimate, Interval
-from eutree.policy_search.model_trust import rank_correlation
+from eutree.policy_search.model_trust import with_interval
 from eutree.validation import check_vector
 
 CONFIDENCE = 0.95
@@ -51,6 +51,9 @@ def bootstrap_rows(
     statistic: Callable[[Integers], Floats], n: int, *, resamples: int = RESAMPLES, seed: int = 0
 ) -> Estimate:
     """Return a statistic of n runs that are more than one number each, with its 95 % interval.
+
+    SciPy's own bootstrap also takes the standard error of what is drawn, which an infinite estimate
+    does not have, and its ends lie between two draws.
 
     Args:
         statistic: Function from the numbers of the runs drawn [B, n] to estimates [B], which may be
@@ -139,8 +142,10 @@ def restricted_mean_ratio(
 def spearman(first: ArrayLike, second: ArrayLike) -> Estimate:
     """Return Spearman's rank correlation with its 95 % interval (Bonett and Wright 2000).
 
-    Where one side is constant there is no correlation: 0, with the interval [-1, 1].
+    Where one side is constant, or fewer than three are, there is none: 0, with [-1, 1].
     """
     one, other = check_vector("first", first), check_vector("second", second)
-    found = rank_correlation(one, other)
-    return Estimate(float(np.nan_to_num(found.value)), Interval(found.low, found.high), one.size)
+    if one.size < 3 or np.ptp(one) == 0.0 or np.ptp(other) == 0.0:
+        return Estimate(0.0, Interval(-1.0, 1.0), one.size)
+    found = with_interval(float(stats().spearmanr(one, other).statistic), one.size)
+    return Estimate(found.value, Interval(found.low, found.high), one.size)

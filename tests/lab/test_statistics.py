@@ -5,8 +5,10 @@ import sys
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from eutree.errors import InvalidArgumentError, MissingExtraError
+from eutree.policy_search.model_trust import rank_correlation
 from eutree_lab.statistics import (
     Durations,
     bootstrap,
@@ -99,6 +101,17 @@ def test_a_constant_has_no_rank_correlation():
     found = spearman([1.0, 1.0, 1.0], [1.0, 2.0, 3.0])
     assert (found.value, *found.interval) == (0.0, -1.0, 1.0)
     assert spearman(np.arange(9.0), np.arange(9.0) ** 3).value == pytest.approx(1.0)
+
+
+def test_rank_correlation_is_scipys_with_the_interval_of_the_core():
+    generator = np.random.default_rng(1)
+    one = generator.integers(0, 5, 20).astype(float)
+    other = one + generator.standard_normal(20)
+    found, core = spearman(one, other), rank_correlation(one, other)
+    assert found.value == stats.spearmanr(one, other).statistic
+    expected = [core.value, core.low, core.high]
+    assert [found.value, *found.interval] == pytest.approx(expected, abs=1e-12)
+    assert found.n == 20
 
 
 def test_without_scipy_the_extra_is_named(monkeypatch):

@@ -43,22 +43,27 @@ class RankCorrelation:
 def rank_correlation(first: Floats, second: Floats) -> RankCorrelation:
     """Return the rank correlation of two vectors [n], ties at their mean rank.
 
-    The interval is Fisher's, with the variance (1 + r^2 / 2) / (n - 3) of Bonett and Wright (2000).
-    Fisher's transform of a perfect order is infinite, though a few pairs often are in perfect
-    order where the correlation is not 1. It is taken at half a step short of 1, the continuity
-    correction of a coefficient whose steps are 12 / (n^3 - n) (Kendall and Gibbons 1990).
-
     Args:
         first: One value of each pair, such as an imagined return.
         second: The other.
     """
-    n = first.size
-    if n < 3 or np.ptp(first) == 0.0 or np.ptp(second) == 0.0:
-        return RankCorrelation(n, float("nan"), -1.0, 1.0)
+    if first.size < 3 or np.ptp(first) == 0.0 or np.ptp(second) == 0.0:
+        return RankCorrelation(first.size, float("nan"), -1.0, 1.0)
     value = float(np.corrcoef(ranks(first), ranks(second))[0, 1])
+    return with_interval(value, first.size)
+
+
+def with_interval(value: float, n: int) -> RankCorrelation:
+    """Return a rank correlation of n pairs with its interval.
+
+    That is Fisher's, with the variance (1 + r^2 / 2) / (n - 3) of Bonett and Wright (2000).
+    Fisher's transform of a perfect order is infinite, though a few pairs often are in perfect
+    order where the correlation is not 1. It is taken at half a step short of 1, the continuity
+    correction of a coefficient whose steps are 12 / (n^3 - n) (Kendall and Gibbons 1990).
+    """
     if abs(value) > 1.0 - 1e-12:  # but for rounding
         value = float(np.sign(value))
-    if n == 3:
+    if n <= 3:
         return RankCorrelation(n, value, -1.0, 1.0)
     inner = 1.0 - 6.0 / (n**3 - n)
     perfect = abs(value) > inner
