@@ -319,7 +319,7 @@ def test_a_planner_sees_what_a_gap_divides_as_two_episodes():
 
 def test_the_halves_of_a_split_take_in_everything_again():
     learner = learned(replace(BOUNDED["paper"], significance=Naive(alpha=1e-300)))
-    rule = learner.history._forgetting
+    rule = learner.history.forgetting
     assert rule.bounds.min() < RANKS
     learner._split(0, Split(0, 5.0, 1.0, 1.0, 1, 1))
     assert (rule.bounds == RANKS).all()

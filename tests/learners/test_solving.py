@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from eutree.errors import FormatError, InvalidArgumentError
-from eutree.learners import CORRECTED, PAPER, Start, Step, UTree, UTreeMethod
+from eutree.learners import CORRECTED, PAPER, Start, Step, UTreeMethod
 from eutree.mdp import TabularMDP
 from eutree.splitting import Naive
 from tests.learners.battery import checked_state
@@ -102,7 +102,7 @@ def test_a_restored_learner_solves_when_the_original_does(growth):
     state = {k: v.copy() for k, v in original.state().items()}
     assert ("solved_at" in state) == (growth > 1.0)
     checked_state("checkpoint.npz", state, settings, Walk.problem, Start())
-    copy = UTree.from_state(state, 2, settings)
+    copy = settings.restore(Walk.problem, Start(), state)
     for learner in (original, copy):
         go_on(learner, 8)
     mine, theirs = original.state(), copy.state()

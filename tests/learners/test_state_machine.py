@@ -18,12 +18,13 @@ from hypothesis.stateful import (
 )
 
 from eutree.files import read_arrays, write_arrays
-from eutree.learners import PAPER, Step, UTree
+from eutree.learners import PAPER, Start, Step, UTree
 from eutree.learners.history import TERMINAL
 from eutree.mdp import TransitionCounts
 from eutree.splitting import Split
 from eutree.trees import DecisionTree
 from tests import naive_learning
+from tests.worlds import Walk
 
 NUMBERS = st.sampled_from([-1.0, -0.5, 0.0, 0.25, 0.5, 1.0])  # few, so that they meet thresholds
 
@@ -79,7 +80,7 @@ class Learner(RuleBasedStateMachine):
             path = Path(folder) / "learner.npz"
             write_arrays(path, self.learner.state())
             saved = path.read_bytes()
-            self.learner = UTree.from_state(read_arrays(path), 2, self.settings)
+            self.learner = self.settings.restore(Walk.problem, Start(), read_arrays(path))
             write_arrays(path, self.learner.state())
             assert path.read_bytes() == saved
 

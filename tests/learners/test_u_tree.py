@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from eutree.data import Episode
 from eutree.errors import InvalidArgumentError
-from eutree.learners import PAPER, PAPER_D, Step, UTree
+from eutree.learners import PAPER, PAPER_D, Start, Step, UTree
 from eutree.mdp import TabularMDP, TransitionCounts
 from eutree.trees import DecisionTree
 from tests import naive_learning
@@ -68,7 +68,8 @@ def test_value_differs_away_from_the_end_too():
 @pytest.mark.parametrize("preset", PRESETS)
 def test_a_learner_restored_from_its_state_goes_on_to_the_same_bytes(preset):
     original = learned_to_walk(PRESETS[preset])
-    copy = UTree.from_state({k: v.copy() for k, v in original.state().items()}, 2, PRESETS[preset])
+    state = {k: v.copy() for k, v in original.state().items()}
+    copy = PRESETS[preset].restore(Walk.problem, Start(), state)
     for learner in (original, copy):
         world, generator = Walk(np.random.default_rng(5)), np.random.default_rng(6)
         for _ in range(10):

@@ -1,25 +1,29 @@
-"""What a learner's stored state consists of: each array declared once, with type, axes and range.
+"""The state of a learner: each array declared once, with type, axes, range and place.
 
-A checkpoint may come from a damaged disk or from a stranger, and compiled loops trust their
-indices. So whatever is read is compared with what the method declares, before the learner is made:
-names, elements, sizes, ranges, and by rules what arrays must be together.
+Saving, restoring and checking follow from the declaration. ``arrays_of`` takes the arrays from a
+learner, ``give_back`` gives them to one at its start. A checkpoint may come from a damaged disk or
+from a stranger, and compiled loops trust their indices, so before that ``taken`` compares it with
+the declaration: names, elements, sizes, ranges, and by rules how arrays must agree.
 
 An axis is a letter (or a word), which stands for one size wherever it occurs, or a number, which
 stands for itself. The letters ``d`` and ``A`` are the features and actions of the problem, ``L``
-the leaves of the tree, ``N`` the transitions of the history; all others are bound where they first
-occur.
+the leaves of the tree, ``N`` the transitions of the history; all others are given beforehand, or
+bound where they first occur.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from operator import attrgetter
 from pathlib import Path
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from eutree.errors import EutreeError, FormatError
 from eutree.learners.forgetting import RANKS
+from eutree.learners.history import History
 from eutree.trees import DecisionTree
 from eutree.world_model import ActionTree
 from eutree.world_model.action_trees import to_decision_tree
@@ -27,12 +31,13 @@ from eutree.world_model.action_trees import to_decision_tree
 Arrays: TypeAlias = dict[str, NDArray[Any]]
 State: TypeAlias = Mapping[str, NDArray[Any]]
 Size: TypeAlias = str | int
+Kept = TypeVar("Kept")
 
 MOST = 2**62  # what is counted stays far from the largest integer
 
 
 class Stored(NamedTuple):
-    """What one array must be.
+    """One array: of which kind it is, and where a learner has it.
 
     Attributes:
         elements: Type of its elements, as NumPy writes it: "i8", "f8", "b1". Narrower ones of the
@@ -40,9 +45,13 @@ class Stored(NamedTuple):
         axes: Its axes: letters, or words and numbers.
         low: Least element; a number, a size, or the name of an array of one element.
         most: Greatest element, likewise.
-        below: What all elements are less than, likewise.
+        below: A bound that all elements are less than, likewise.
         nan: Whether NaN may be among them.
         inf: Whether infinity may be.
+        at: The learner's attribute, with dots for one of an attribute: an array, a number, which is
+            stored as an array of one, or numbers in a tuple, a list or a set; several numbers by
+            the names of all. "" where it belongs to the object of its part, or the learner has a
+            ``state()`` of its own.
     """
 
     elements: str
@@ -52,6 +61,7 @@ class Stored(NamedTuple):
     below: Size | None = None
     nan: bool = False
     inf: bool = False
+    at: str = ""
 
 
 class Part(NamedTuple):
@@ -59,13 +69,23 @@ class Part(NamedTuple):
 
     Attributes:
         arrays: They by name.
-        rule: What they must be together; raises FormatError.
-        optional: Whether all of them may be missing.
+        rule: How they must agree; raises FormatError.
+        optional: Whether all of them may be missing, as they are where each is empty.
+        at: The learner's attribute that they are made of, as in ``Stored``; None has no arrays.
+        prefix: Begins the names of its arrays.
+        save: Returns the arrays of the object there, without the prefix.
+        make: Returns it again, from a learner at its start, to which the parts before were given,
+            and all arrays whose names begin with the prefix, without it; None if it was changed
+            in place.
     """
 
     arrays: Mapping[str, Stored]
     rule: "Callable[[Found], None] | None" = None
     optional: bool = False
+    at: str = ""
+    prefix: str = ""
+    save: Callable[[Any], State] | None = None
+    make: Callable[[Any, Arrays], Any] | None = None
 
 
 @dataclass(frozen=True)
@@ -76,11 +96,13 @@ class Declared:
         n_features: Number of features d of what is stored.
         n_actions: Number of actions A.
         parts: All arrays; a size that several share is bound by the first.
+        sizes: Other sizes that are known beforehand, by the letters of axes.
     """
 
     n_features: int
     n_actions: int
     parts: tuple[Part, ...]
+    sizes: Mapping[str, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +112,7 @@ class Found:
     Attributes:
         path: The file that it comes from.
         state: Its arrays.
-        sizes: What the letters of axes stand for, as far as that is known.
+        sizes: The sizes that letters of axes stand for, as far as they are known.
     """
 
     path: Path
@@ -124,15 +146,12 @@ class Found:
 
     def _check_shape(self, name: str, stored: Stored) -> None:
         array, wanted = self.state[name], np.dtype(stored.elements)
-        fits = array.dtype.kind == wanted.kind and np.can_cast(array.dtype, wanted, "safe")
-        if fits and array.ndim == len(stored.axes):
-            sizes = [
-                axis if isinstance(axis, int) else self._bound(axis, size)
-                for axis, size in zip(stored.axes, array.shape, strict=True)
-            ]
-            fits = sizes == list(array.shape)
-        else:
-            fits = False
+        fits = (
+            array.dtype.kind == wanted.kind
+            and np.can_cast(array.dtype, wanted, "safe")
+            and array.ndim == len(stored.axes)
+            and [*map(self._bound, stored.axes, array.shape)] == [*array.shape]
+        )
         if not fits:
             raise self.refuse(
                 name,
@@ -140,9 +159,10 @@ class Found:
                 f"shape {self._in_words(stored.axes)}",
             )
 
-    def _bound(self, axis: str, size: int) -> int:
-        """Return what an axis stands for: the first size that it meets, or the digit it is."""
-        return int(axis) if axis.isdecimal() else self.sizes.setdefault(axis, size)
+    def _bound(self, axis: Size, size: int) -> int:
+        """Return the size of an axis: the first one that its letter meets, or the digit it is."""
+        word = str(axis)
+        return int(word) if word.isdecimal() else self.sizes.setdefault(word, size)
 
     def _in_words(self, axes: Sequence[Size]) -> str:
         known = (f"{axis} = {self.sizes[axis]}" if axis in self.sizes else f"{axis}"
@@ -188,12 +208,12 @@ def taken(path: str | Path, state: State, declared: Declared) -> Arrays:
     Args:
         path: The file that it comes from.
         state: Its arrays.
-        declared: What they must be.
+        declared: Their declaration.
 
     Raises:
         FormatError: They are not.
     """
-    sizes = {"d": declared.n_features, "A": declared.n_actions}
+    sizes = {"d": declared.n_features, "A": declared.n_actions, **declared.sizes}
     found = Found(Path(path), state, sizes)
     here = [
         part for part in declared.parts if not part.optional or part.arrays.keys() & state.keys()
@@ -204,17 +224,109 @@ def taken(path: str | Path, state: State, declared: Declared) -> Arrays:
     return {name: array for part in here for name, array in found.take(part).items()}
 
 
+# Saving and restoring. ----------------------------------------------------------------------------
+
+
+def arrays_of(learner: object, parts: Iterable[Part]) -> Arrays:
+    """Return the state of a learner as its parts declare it."""
+    state: Arrays = {}
+    for one in parts:
+        own = {
+            name: _array(attrgetter(*stored.at.split())(learner), stored)
+            for name, stored in one.arrays.items()
+            if stored.at
+        }
+        if not one.optional or any(array.size for array in own.values()):
+            state |= own
+        if one.save is not None and (value := attrgetter(one.at)(learner)) is not None:
+            state |= prefixed(one.prefix, one.save(value))
+    return state
+
+
+def give_back(learner: Kept, parts: Iterable[Part], state: State) -> Kept:
+    """Return a learner, at its start, after it was given a state.
+
+    Args:
+        learner: The learner; numbers come back in the types that it has at its start.
+        parts: The parts of which ``arrays_of`` made the state.
+        state: Its arrays; they are copied.
+    """
+    for one in parts:
+        lacks = one.optional and not one.arrays.keys() & state.keys()
+        for name, stored in one.arrays.items():
+            places, array = stored.at.split(), _NOTHING if lacks else state[name]
+            for at, value in zip(places, [array] if len(places) < 2 else array, strict=False):
+                put(learner, at, _value(value, attrgetter(at)(learner)))
+        if one.make is not None and not lacks:
+            made = one.make(learner, part(state, one.prefix))
+            if made is not None:
+                put(learner, one.at, made)
+    return learner
+
+
+def put(holder: Any, at: str, value: Any) -> None:
+    """Set an attribute, with dots for one of an attribute; a frozen value is replaced."""
+    place, _, name = at.rpartition(".")
+    owner = attrgetter(place)(holder) if place else holder
+    try:
+        setattr(owner, name, value)
+    except AttributeError:
+        replaced = getattr(owner, "_replace", partial(replace, owner))
+        put(holder, place, replaced(**{name: value}))
+
+
+_NOTHING = np.empty(0, dtype=np.int64)
+
+
+def _array(value: Any, stored: Stored) -> NDArray[Any]:
+    if isinstance(value, np.ndarray):
+        return value
+    numbers = sorted(value) if isinstance(value, frozenset) else value
+    return np.atleast_1d(np.array(numbers, dtype=stored.elements))
+
+
+def _value(array: NDArray[Any], like: Any) -> Any:
+    if isinstance(like, np.ndarray):
+        return np.array(array)
+    return type(like)(
+        array.tolist() if isinstance(like, frozenset | list | tuple) else array.item()
+    )
+
+
 # Parts that several methods have. -----------------------------------------------------------------
 
 TREE = ("feature", "threshold", "left", "right", "leaf")
 
 
+def tree_arrays(tree: DecisionTree) -> Arrays:
+    """Return a tree as arrays."""
+    return {name: getattr(tree, name) for name in TREE}
+
+
+def tree_of(state: State, n_features: int) -> DecisionTree:
+    """Return the tree that ``tree_arrays`` made arrays of."""
+    return DecisionTree(n_features, **{name: state[name] for name in TREE})
+
+
 def _is_tree(found: Found) -> None:
     try:
-        tree = DecisionTree(found.sizes["d"], **{name: found.state[name] for name in TREE})
+        tree = tree_of(found.state, found.sizes["d"])
     except EutreeError as error:
         raise found.refuse("feature", f"not a tree: {error}") from None
     found.sizes["L"] = tree.n_leaves
+
+
+def tree_part(at: str = "tree") -> Part:
+    """Return the arrays of the tree of a learner, which is at an attribute of it."""
+
+    def make(learner: Any, state: Arrays) -> DecisionTree:
+        return tree_of(state, attrgetter(at)(learner).n_features)
+
+    arrays = {
+        name: Stored("f8", "M", nan=True) if name == "threshold" else Stored("i8", "M")
+        for name in TREE
+    }
+    return Part(arrays, _is_tree, at=at, save=tree_arrays, make=make)
 
 
 def _is_history(found: Found) -> None:
@@ -222,15 +334,22 @@ def _is_history(found: Found) -> None:
         raise found.refuse("history_episodes", "must ascend")
 
 
-TREE_PART = Part(
-    {
-        name: Stored("f8", "M", nan=True) if name == "threshold" else Stored("i8", "M")
-        for name in TREE
-    },
-    _is_tree,
-)
-HISTORY_PART = Part(
-    {
+def history_parts(at: str = "history", *, tree: str = "") -> tuple[Part, ...]:
+    """Return the arrays of the history of a learner, but for those that it forgets by.
+
+    Args:
+        at: Where the learner has it.
+        tree: Where it has the tree whose leaves label the transitions; "" for a single leaf.
+    """
+
+    def make(learner: Any, state: Arrays) -> History:
+        old = attrgetter(at)(learner)
+        single = DecisionTree.single_leaf(old.observations.shape[1])
+        return History.from_state(
+            state, attrgetter(tree)(learner) if tree else single, old.forgetting
+        )
+
+    arrays = {
         "history_observations": Stored("f8", "Nd"),
         "history_next_observations": Stored("f8", "Nd"),
         "history_actions": Stored("i4", "N", low=0, below="A"),
@@ -240,30 +359,44 @@ HISTORY_PART = Part(
         "history_continues": Stored("b1", "N"),
         "history_terminal": Stored("b1", "N"),
         "history_n_seen": Stored("i8", "1", low="N", most=MOST),
-    },
-    _is_history,
-)
-SHOWN_PART = Part({"history_demonstrated": Stored("b1", "N")}, optional=True)
-MASKS_PART = Part({"history_allowed": Stored("b1", "NA")}, optional=True)
-LOCKED_PART = Part({"locked": Stored("i8", "K", low=0, below="L")}, optional=True)
+    }
+    return (
+        Part(arrays, _is_history, False, at, "history_", History.state, make),
+        Part({"history_demonstrated": Stored("b1", "N")}, optional=True),
+        Part({"history_allowed": Stored("b1", "NA")}, optional=True),
+    )
 
 
 def bounds_part(axes: str) -> tuple[Part]:
-    """Return what a bounded history forgets by; the axes are those of its reservoirs."""
+    """Return the arrays that a bounded history forgets by; the axes are those of its reservoirs."""
     ranks, bounds = Stored("u4", "N"), Stored("u8", axes, low=1, most=RANKS)
     return (Part({"history_ranks": ranks, "history_bounds": bounds}),)
 
 
+TREE_PART = tree_part()
+HISTORY_PART, SHOWN_PART, MASKS_PART = history_parts()
+LOCKED_PART = Part({"locked": Stored("i8", "K", low=0, below="L", at="_locked")}, optional=True)
+
 TREE_AND_HISTORY = (TREE_PART, HISTORY_PART, SHOWN_PART, MASKS_PART, LOCKED_PART)
 
 
-def action_tree_part(prefix: str, *, optional: bool = False) -> Part:
-    """Return the arrays of one tree of actions, under names with a prefix."""
+def action_tree_part(prefix: str, at: str = "", *, optional: bool = False) -> Part:
+    """Return the arrays of one tree of actions, under names with a prefix.
+
+    Args:
+        prefix: The prefix.
+        at: The learner's attribute, of which None has no arrays; "" as in ``Stored``.
+        optional: Whether there may be no tree.
+    """
 
     def is_tree(found: Found) -> None:
         check_action_trees(found, prefix, [len(found.state[f"{prefix}feature"])])
 
-    return Part(_action_tree_arrays(prefix), is_tree, optional)
+    def make(_: Any, state: Arrays) -> ActionTree:
+        return ActionTree(*(np.array(state[name]) for name in ActionTree._fields))
+
+    ways = (ActionTree._asdict, make) if at else (None, None)
+    return Part(_action_tree_arrays(prefix), is_tree, optional, at, prefix, *ways)
 
 
 def packed_trees_part(prefix: str, n_trees: Size) -> Part:

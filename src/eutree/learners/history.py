@@ -191,6 +191,7 @@ class History:
         demonstrated: Whether another agent showed it.
         leaving: The rows that left each leaf.
         entering: The rows that entered each leaf.
+        forgetting: The rule it forgets by, or None.
         n_seen: Number of transitions ever appended, with those that were left out.
         n_episodes: Number of episodes stored.
     """
@@ -210,7 +211,7 @@ class History:
     ) -> None:
         self.n_seen = 0
         self.n_episodes = 0
-        self._forgetting = forgetting
+        self.forgetting = forgetting
         ranks = {} if forgetting is None else {"ranks": ((), np.uint32)}
         self.columns = Columns(
             {
@@ -250,8 +251,8 @@ class History:
             state["demonstrated"] = self.demonstrated
         if "allowed" in self.columns.whole:
             state["allowed"] = self.columns["allowed"]
-        if self._forgetting is not None:
-            state |= {"ranks": self.columns["ranks"], "bounds": self._forgetting.bounds}
+        if self.forgetting is not None:
+            state |= {"ranks": self.columns["ranks"], "bounds": self.forgetting.bounds}
         return state
 
     @classmethod
@@ -316,7 +317,7 @@ class History:
                 f"an episode of {steps} actions must have as many rewards and one more "
                 f"observation and leaf, got {list(sizes)}"
             )
-        columns, rule = self.columns, self._forgetting
+        columns, rule = self.columns, self.forgetting
         first, last, stored = columns.size, columns.size + steps, np.ones(steps, dtype=np.bool_)
         if rule is not None:
             ranks = rule.draw(steps, generator or np.random.default_rng(self.n_seen))
@@ -345,7 +346,7 @@ class History:
         Returns:
             The former numbers of the episodes that stay, ascending; None if nothing is too much.
         """
-        rule = self._forgetting
+        rule = self.forgetting
         if rule is None or self.size <= rule.max_transitions:
             return None
         stay = rule.keeps(self.left, self.actions, self.episodes, self.columns["ranks"])
@@ -359,7 +360,7 @@ class History:
 
     def seen_leaving(self) -> Integers:
         """Return how many transitions left each leaf, estimated where some were left out, [L]."""
-        rule = self._forgetting
+        rule = self.forgetting
         if not isinstance(rule, LeafReservoirs):
             return self.leaving.counts
         n_actions = rule.bounds.shape[1]
@@ -377,7 +378,7 @@ class History:
         leaving, entering = self.leaving.of(leaf), self.entering.of(leaf)
         rows = np.empty(leaving.size + entering.size, dtype=np.int64)
         rows = rows[: _kernels.merge(leaving, entering, rows)]
-        rule = self._forgetting
+        rule = self.forgetting
         if isinstance(rule, LeafReservoirs):  # those of a leaf that changes take in all again
             ranks = self.columns["ranks"]
             ranks[leaving] = rule.rescaled(

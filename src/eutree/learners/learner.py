@@ -20,7 +20,7 @@ What only some learners can do is a protocol of its own, which its user checks f
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any, ClassVar, Literal, NamedTuple, Protocol, TypeAlias, runtime_checkable
 
@@ -31,7 +31,7 @@ from eutree.data import Episode
 from eutree.errors import InvalidArgumentError
 from eutree.features import FeatureMap
 from eutree.learners.declared import Arrays as Arrays
-from eutree.learners.declared import Declared, Part
+from eutree.learners.declared import Declared, Part, give_back
 from eutree.learners.history import History
 from eutree.policies import LeafStatistics, Policy, TreePolicy
 from eutree.policy_search.model_trust import ModelTrust
@@ -121,9 +121,9 @@ class Problem:
         """Largest possible value of each feature, inf where unbounded, shape [d]."""
         return np.array([feature.high for feature in self.schema.features])
 
-    def declare(self, *parts: Part) -> Declared:
+    def declare(self, *parts: Part, **sizes: int) -> Declared:
         """Return the declaration of a state in the features and actions of this problem."""
-        return Declared(self.n_features, self.n_actions, parts)
+        return Declared(self.n_features, self.n_actions, parts, sizes)
 
 
 class FirstLeaves(NamedTuple):
@@ -378,6 +378,31 @@ class Method(Protocol):
         indices, so whatever one indexes with has the size of what it indexes as its range.
         """
         ...
+
+
+class MethodOfParts:
+    """A method whose declaration is its parts, from which its learners are saved and restored.
+
+    The ``state()`` of its learners is ``arrays_of(self, parts)``. What they rebuild after they
+    were given their parts back is for a ``restore`` of its own.
+    """
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """The parts of a learner's state."""
+        raise NotImplementedError
+
+    def start(self, problem: Problem, start: Start) -> Any:
+        """Return a learner at its start."""
+        raise NotImplementedError
+
+    def restore(self, problem: Problem, start: Start, state: Arrays) -> Any:
+        """Return the learner whose ``state()`` this was; it goes on to the same bytes."""
+        return give_back(self.start(problem, replace(start, episodes=())), self.parts, state)
+
+    def declared(self, problem: Problem, start: Start) -> Declared:
+        """Return the declaration of a ``state()``."""
+        return problem.declare(*self.parts)
 
 
 @runtime_checkable

@@ -21,17 +21,15 @@ policy iteration that moves by tests. An action that was kept and then found wor
 same manner.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import replace
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eutree.arrays import Floats, Int32s, Integers
 from eutree.data import Episode
 from eutree.learners import Decisions, LambdaReturn, LeafSplit, Problem, Start, Update, UTree
-from eutree.learners.learner import Arrays
 from eutree.learners.u_tree import Discretizer
 from eutree.policies.leaf_statistics import returns_by_action
 from eutree.splitting import Split
@@ -115,19 +113,6 @@ class EvidentUTree(UTree):
             n_actions=self.n_actions,
         )
         return replace(super().decisions(), statistics=statistics)
-
-    def state(self) -> Arrays:
-        """Return all that the learner knows, between two episodes."""
-        return super().state() | {"kept_values": self._values}
-
-    @classmethod
-    def from_state(
-        cls, state: Mapping[str, NDArray[Any]], n_actions: int, method: Discretizer
-    ) -> Self:
-        """Return the learner whose ``state()`` this was; it goes on to the same bytes."""
-        learner = super().from_state(state, n_actions, method)
-        learner._values = np.array(state["kept_values"])
-        return learner
 
     def _greedy(self, leaf: int) -> int:
         return int(self._prior[leaf])

@@ -39,7 +39,7 @@ from eutree.learners import (
     UTree,
     UTreeMethod,
 )
-from eutree.learners.declared import Declared
+from eutree.learners.declared import Declared, give_back
 from eutree.learners.learner import Arrays
 from eutree.policies import TreePolicy
 from eutree.splitting import (
@@ -111,19 +111,20 @@ class HistoryUTreeMethod(UTreeMethod):
         stacked = replace(start, expert=expert, episodes=episodes)
         return HistoryUTree(self._kind.begun(self._stacked(problem), stacked, self), features)
 
-    def restore(  # type: ignore[override]  # it wraps the tree
-        self, problem: Problem, start: Start, state: Arrays
-    ) -> "HistoryUTree":
+    def restore(self, problem: Problem, start: Start, state: Arrays) -> "HistoryUTree":
         """Return the learner whose ``state()`` this was; it goes on to the same bytes."""
-        tree = self._kind.from_state(state, problem.n_actions, self)
-        return HistoryUTree(tree, self.features(problem))
+        learner = self.start(problem, replace(start, episodes=()))
+        give_back(learner.tree, self.parts, state)
+        return learner
 
     def declared(self, problem: Problem, start: Start) -> Declared:
-        """Return what the arrays of a ``state()`` are, in the features of present and past."""
-        own = super().declared(self._stacked(problem), start)
-        if self.evidence is None:
-            return own
-        return replace(own, parts=(*own.parts, Part({"kept_values": Stored("f8", "L")})))
+        """Return the declaration of a ``state()``, in the features of present and past."""
+        return super().declared(self._stacked(problem), start)
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """The parts of a learner's state."""
+        return super().parts if self.evidence is None else (*super().parts, _KEPT)
 
     def features(self, problem: Problem) -> FeatureMap:
         """Return how a problem's observations and actions become features."""
@@ -176,6 +177,9 @@ class HistoryUTreeMethod(UTreeMethod):
                     found.append(replace(split, feature=feature))
         found.sort(key=lambda split: -self.splitter.value(split))
         yield from found[:MOST_FIRST]
+
+
+_KEPT = Part({"kept_values": Stored("f8", "L", at="_values")})
 
 
 class HistoryUTree:

@@ -12,22 +12,20 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eutree.arrays import Booleans, Floats, Int32s, Integers
 from eutree.data import Episode
 from eutree.errors import InvalidArgumentError
 from eutree.learners.declared import (
+    LOCKED_PART,
     MOST,
-    TREE,
-    TREE_AND_HISTORY,
-    Declared,
+    TREE_PART,
     Found,
     Part,
     Stored,
+    arrays_of,
     bounds_part,
-    part,
-    prefixed,
+    history_parts,
 )
 from eutree.learners.episode_buffer import random_action, store
 from eutree.learners.forgetting import LeafReservoirs
@@ -36,6 +34,7 @@ from eutree.learners.learner import (
     Arrays,
     Decisions,
     LeafSplit,
+    MethodOfParts,
     Needs,
     Problem,
     Start,
@@ -58,7 +57,7 @@ from eutree.validation import check_integer, check_number
 
 
 @dataclass(frozen=True, kw_only=True)
-class Discretizer:
+class Discretizer(MethodOfParts):
     """What the learner of Table 1 asks of its method, beside the cut that a leaf deserves.
 
     Attributes:
@@ -113,16 +112,12 @@ class Discretizer:
         """Return the learner at its start: Table 1's initialization."""
         return UTree.begun(problem, start, self)
 
-    def restore(self, problem: Problem, start: Start, state: Arrays) -> "UTree":
-        """Return the learner whose ``state()`` this was; it goes on to the same bytes."""
-        return UTree.from_state(state, problem.n_actions, self)
-
-    def declared(self, problem: Problem, start: Start) -> Declared:
-        """Return what the arrays of a ``state()`` are."""
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """The parts of a learner's state."""
         forgetting = () if self.max_transitions is None else bounds_part("LA")
-        solved_at = {"solved_at": Stored("i8", "1", low=0, most="history_n_seen")}
-        mdp = _MDP | (solved_at if self.solve_growth > 1.0 else {})
-        return problem.declare(*TREE_AND_HISTORY, *forgetting, Part(mdp, _is_queue))
+        solved = (_SOLVED_AT,) if self.solve_growth > 1.0 else ()
+        return (*_TREE_AND_LEAVES, *forgetting, *solved, _MDP)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -154,21 +149,30 @@ class UTreeMethod(Discretizer):
         return None if p > self.significance.alpha else split
 
 
-_MDP = {
-    "mdp_values": Stored("f8", "L"),
-    "mdp_action_values": Stored("f8", "LA", nan=True),
-    "mdp_reward_sums": Stored("f8", "LA"),
-    "mdp_priority": Stored("f8", "L", inf=True),
-    "mdp_queue": Stored("i4", "Q", low=0, below="L"),
-    "tested_at": Stored("i8", "L", low=0, most=MOST),
-    "prior": Stored("i8", "L", low=0, below="A"),
-}
-
-
 def _is_queue(found: Found) -> None:
     queue = found.state["mdp_queue"]
     if np.unique(queue).size != queue.size:
         raise found.refuse("mdp_queue", "a state stands in it twice")
+
+
+_TREE_AND_LEAVES = (TREE_PART, *history_parts(tree="tree"), LOCKED_PART)
+_SOLVED_AT = Part({"solved_at": Stored("i8", "1", low=0, most="history_n_seen", at="_solved_at")})
+_MDP = Part(
+    {
+        "mdp_values": Stored("f8", "L"),
+        "mdp_action_values": Stored("f8", "LA", nan=True),
+        "mdp_reward_sums": Stored("f8", "LA"),
+        "mdp_priority": Stored("f8", "L", inf=True),
+        "mdp_queue": Stored("i4", "Q", low=0, below="L"),
+        "tested_at": Stored("i8", "L", low=0, most=MOST, at="_tested_at"),
+        "prior": Stored("i8", "L", low=0, below="A", at="_prior"),
+    },
+    _is_queue,
+    at="mdp",
+    prefix="mdp_",
+    save=TabularMDP.state,
+    make=lambda learner, state: learner.counted(state),
+)
 
 
 BACKUPS_PER_LEAF = 20  # of prioritized sweeping for each leaf that a split has made or shrunk
@@ -205,11 +209,10 @@ class UTree:
         self.tree = tree
         self.n_actions = n_actions
         self.method = method
-        self.history = History(
-            tree.n_features, tree.n_leaves, reservoirs_of(method, tree.n_leaves, n_actions)
-        )
-        counts = counted(self.history, tree.n_leaves, n_actions)
-        self.mdp = TabularMDP(counts, method.discount, untried=method.untried_value)
+        room, shape = method.max_transitions, (tree.n_leaves, n_actions)
+        forgetting = None if room is None else LeafReservoirs(room, *shape)
+        self.history = History(tree.n_features, tree.n_leaves, forgetting)
+        self.mdp = self.counted()
         self._solved_at = 0  # transitions ever seen when the MDP was solved last
         none = np.zeros(tree.n_leaves, dtype=np.int64)
         self._prior = np.array(none if prior is None else prior)  # [L]
@@ -406,35 +409,16 @@ class UTree:
         )
 
     def state(self) -> Arrays:
-        """Return all that the learner knows, between two episodes; ``from_state`` takes it back."""
-        state: Arrays = {name: getattr(self.tree, name) for name in TREE}
-        state |= prefixed("history_", self.history.state())
-        state |= prefixed("mdp_", self.mdp.state())
-        state |= {"tested_at": self._tested_at, "prior": self._prior}
-        if self._locked:
-            state["locked"] = np.array(sorted(self._locked))
-        if self.method.solve_growth > 1.0:
-            state["solved_at"] = np.array([self._solved_at])
-        return state
+        """Return all that the learner knows, between two episodes."""
+        return arrays_of(self, self.method.parts)
 
-    @classmethod
-    def from_state(
-        cls, state: Mapping[str, NDArray[Any]], n_actions: int, method: Discretizer
-    ) -> Self:
-        """Return the learner whose ``state()`` this was; it goes on to the same bytes."""
-        n_features = state["history_observations"].shape[1]
-        tree = DecisionTree(n_features, **{name: state[name] for name in TREE})
-        locked = state["locked"].tolist() if "locked" in state else ()
-        learner = cls(tree, n_actions, method, prior=state["prior"], locked=locked)
-        rule = reservoirs_of(method, tree.n_leaves, n_actions)
-        learner.history = History.from_state(part(state, "history_"), tree, rule)
-        counts = counted(learner.history, tree.n_leaves, n_actions)
-        learner.mdp = TabularMDP(counts, method.discount, untried=method.untried_value)
-        learner.mdp.restore(part(state, "mdp_"))
-        learner._tested_at = np.array(state["tested_at"])
-        if "solved_at" in state:
-            learner._solved_at = int(state["solved_at"][0])
-        return learner
+    def counted(self, state: Arrays | None = None) -> TabularMDP:
+        """Return an MDP over the leaves that counts all that is stored, in a state of its own."""
+        counts = counted(self.history, self.tree.n_leaves, self.n_actions)
+        mdp = TabularMDP(counts, self.method.discount, untried=self.method.untried_value)
+        if state is not None:
+            mdp.restore(state)
+        return mdp
 
     def _greedy(self, leaf: int) -> int:
         """Return the action of one leaf; the same rule as ``greedy_actions``, for a single step."""
@@ -443,9 +427,3 @@ class UTree:
             if value > best_value:
                 best, best_value = action, value
         return best if best >= 0 else int(self._prior[leaf])
-
-
-def reservoirs_of(method: Discretizer, n_leaves: int, n_actions: int) -> LeafReservoirs | None:
-    """Return what the history forgets by; None if it is not bounded."""
-    room = method.max_transitions
-    return None if room is None else LeafReservoirs(room, n_leaves, n_actions)
