@@ -12,7 +12,6 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eutree.arrays import Booleans, Floats, Integers
 from eutree.c45 import C45Settings, grow
@@ -20,15 +19,12 @@ from eutree.data import Episode
 from eutree.errors import InvalidArgumentError
 from eutree.learners.declared import (
     MOST,
-    TREE,
     TREE_AND_HISTORY,
-    Declared,
     Part,
     Stored,
     action_tree_part,
+    arrays_of,
     bounds_part,
-    part,
-    prefixed,
 )
 from eutree.learners.episode_buffer import (
     EpisodeBuffer,
@@ -39,7 +35,16 @@ from eutree.learners.episode_buffer import (
 )
 from eutree.learners.forgetting import RecentEpisodes
 from eutree.learners.history import History
-from eutree.learners.learner import Arrays, Decisions, Needs, Problem, Start, Step, Update
+from eutree.learners.learner import (
+    Arrays,
+    Decisions,
+    MethodOfParts,
+    Needs,
+    Problem,
+    Start,
+    Step,
+    Update,
+)
 from eutree.policies import LeafStatistics
 from eutree.policies.leaf_statistics import orders_of, returns_by_action
 from eutree.policy_search.planner import Planned, Planner
@@ -51,14 +56,10 @@ from eutree.world_model.action_trees import from_decision_tree, to_decision_tree
 from eutree.world_model.rollouts import Rollouts
 
 _UNPRUNED = C45Settings(use_penalty=False, prune=False)
-_TREES = ("incumbent", "challenger", "explorer", "corrected")
-_EPISODES = ("incumbent_episodes", "challenger_episodes")
-_EXPLORED = "explorer_episodes"
-_NUMBERS = ("planned_at", "demonstrations", "valid_from")
 
 
 @dataclass(frozen=True, kw_only=True)
-class PlanningMethod:
+class PlanningMethod(MethodOfParts):
     """The choices of model-based planning.
 
     Attributes:
@@ -103,34 +104,36 @@ class PlanningMethod:
             learner.add_demonstrations(start.episodes)
         return learner
 
-    def restore(self, problem: Problem, start: Start, state: Arrays) -> "ModelPlanning":
-        """Return the learner whose ``state()`` this was; it goes on to the same bytes."""
-        return ModelPlanning.from_state(state, problem.n_actions, self)
-
-    def declared(self, problem: Problem, start: Start) -> Declared:
-        """Return what the arrays of a ``state()`` are."""
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """The parts of a learner's state."""
         forgetting = () if self.max_transitions is None else bounds_part("1")
-        return problem.declare(*TREE_AND_HISTORY, *forgetting, *_PLAN)
+        return (*TREE_AND_HISTORY, *forgetting, *_PLAN)
 
 
 _COUNT = Stored("i8", "1", low=0, most="history_n_episodes")
+_EPISODES = Stored("i8", "P", low=0, below="history_n_episodes")
 _PLAN = (
     Part({
-        "actions": Stored("i8", "L", low=0, below="A"),
-        "plan_incumbent_episodes": Stored("i8", "P", low=0, below="history_n_episodes"),
-        "plan_challenger_episodes": Stored("i8", "R", low=0, below="history_n_episodes"),
-        "plan_planned_at": Stored("i8", "1", low=0, most=MOST),
-        "plan_demonstrations": _COUNT,
-        "plan_valid_from": _COUNT,
-        "plan_informed": Stored("b1", "1"),
+        "actions": Stored("i8", "L", low=0, below="A", at="actions"),
+        "plan_incumbent_episodes": _EPISODES._replace(at="plan.incumbent_episodes"),
+        "plan_challenger_episodes": _EPISODES._replace(axes="R", at="plan.challenger_episodes"),
+        "plan_planned_at": Stored("i8", "1", low=0, most=MOST, at="plan.planned_at"),
+        "plan_demonstrations": _COUNT._replace(at="plan.demonstrations"),
+        "plan_valid_from": _COUNT._replace(at="plan.valid_from"),
+        "plan_informed": Stored("b1", "1", at="_informed"),
     }),
     # Nothing before the first explorer acts, and in the checkpoints of earlier versions.
     Part(
-        {f"plan_{_EXPLORED}": Stored("i8", "G", low=0, below="history_n_episodes")}, optional=True
+        {"plan_explorer_episodes": _EPISODES._replace(axes="G", at="plan.explorer_episodes")},
+        optional=True,
     ),
     # Those of releases that could ask for demonstrations; a run that did cannot go on.
     Part({"plan_assisted_episodes": Stored("i8", (0,))}, optional=True),
-    *(action_tree_part(f"plan_{name}_", optional=name != "incumbent") for name in _TREES),
+    *(
+        action_tree_part(f"plan_{name}_", f"plan.{name}", optional=name != "incumbent")
+        for name in ("incumbent", "challenger", "explorer", "corrected")
+    ),
 )  # fmt: skip
 
 
@@ -168,7 +171,8 @@ class ModelPlanning:
         self.n_actions = n_actions
         self.method = method
         self.plan = Planned(from_decision_tree(tree, actions))
-        self.history = History(tree.n_features, 1, _forgetting(method))
+        room = method.max_transitions  # of whole episodes: a planner needs them
+        self.history = History(tree.n_features, 1, None if room is None else RecentEpisodes(room))
         self._informed = informed
         self._locked = frozenset(locked)
         self._steps = EpisodeBuffer()
@@ -277,34 +281,8 @@ class ModelPlanning:
         return Decisions(tree, actions, None, ())
 
     def state(self) -> Arrays:
-        """Return all that the learner knows, between two episodes; ``from_state`` takes it back."""
-        state: Arrays = {name: getattr(self.tree, name) for name in TREE}
-        state |= prefixed("history_", self.history.state())
-        state["actions"] = self.actions
-        if self._locked:
-            state["locked"] = np.array(sorted(self._locked))
-        return state | prefixed("plan_", self._plan_state())
-
-    @classmethod
-    def from_state(
-        cls, state: Mapping[str, NDArray[Any]], n_actions: int, method: PlanningMethod
-    ) -> "ModelPlanning":
-        """Return the learner whose ``state()`` this was; it goes on to the same bytes."""
-        n_features = state["history_observations"].shape[1]
-        tree = DecisionTree(n_features, **{name: state[name] for name in TREE})
-        learner = cls(
-            tree,
-            state["actions"],
-            n_actions,
-            method,
-            informed=bool(state["plan_informed"][0]),
-            locked=state["locked"].tolist() if "locked" in state else (),
-        )
-        learner.history = History.from_state(
-            part(state, "history_"), DecisionTree.single_leaf(n_features), _forgetting(method)
-        )
-        learner.plan = _plan_of(part(state, "plan_"))
-        return learner
+        """Return all that the learner knows, between two episodes."""
+        return arrays_of(self, self.method.parts)
 
     def _adopt(self, tree: DecisionTree, actions: Integers) -> None:
         """Let another tree decide, but where leaves are locked in the present one."""
@@ -327,22 +305,6 @@ class ModelPlanning:
             n_actions=self.n_actions,
         )
 
-    def _plan_state(self) -> Arrays:
-        """Return all that the plan consists of."""
-        plan = self.plan
-        state: Arrays = {
-            name: np.array(getattr(plan, name), dtype=np.int64) for name in (*_EPISODES, *_NUMBERS)
-        }
-        state |= {name: state[name].reshape(1) for name in _NUMBERS}
-        state["informed"] = np.array([self._informed])
-        if plan.explorer_episodes:
-            state[_EXPLORED] = np.array(plan.explorer_episodes, dtype=np.int64)
-        for name in _TREES:
-            tree = getattr(plan, name)
-            if tree is not None:
-                state |= {f"{name}_{field}": getattr(tree, field) for field in ActionTree._fields}
-        return state
-
 
 class _Actor:
     """The tree that acts in an episode."""
@@ -363,32 +325,6 @@ class _Actor:
     def _orders(self) -> Integers:
         """The order of the actions in each leaf, shape [L, A]."""
         return orders_of(self._tree, np.array(self._actions), self._n_actions, None)
-
-
-def _forgetting(method: PlanningMethod) -> RecentEpisodes | None:
-    """Return what the history forgets by: a planner needs whole episodes."""
-    return None if method.max_transitions is None else RecentEpisodes(method.max_transitions)
-
-
-def _plan_of(state: Mapping[str, NDArray[Any]]) -> Planned:
-    """Return the plan of a ``_plan_state``."""
-    trees = {
-        name: ActionTree(*(np.array(state[f"{name}_{field}"]) for field in ActionTree._fields))
-        for name in _TREES
-        if f"{name}_feature" in state
-    }
-    return Planned(
-        incumbent=trees["incumbent"],
-        challenger=trees.get("challenger"),
-        explorer=trees.get("explorer"),
-        corrected=trees.get("corrected"),
-        incumbent_episodes=tuple(state["incumbent_episodes"].tolist()),
-        challenger_episodes=tuple(state["challenger_episodes"].tolist()),
-        explorer_episodes=tuple(state[_EXPLORED].tolist()) if _EXPLORED in state else (),
-        planned_at=int(state["planned_at"][0]),
-        demonstrations=int(state["demonstrations"][0]),
-        valid_from=int(state["valid_from"][0]),
-    )
 
 
 DEFAULT = PlanningMethod()
