@@ -6,15 +6,24 @@ from enum import IntEnum
 import numpy as np
 
 from eutree.arrays import Booleans, Floats
-from eutree.learners.declared import part, prefixed
+from eutree.learners.declared import (
+    MOST,
+    Found,
+    Part,
+    Stored,
+    arrays_of,
+    history_parts,
+    packed_trees_part,
+)
 from eutree.learners.distilled_dqn.races import (
+    ORIGINS,
     PRUNED,
-    RACED_TREE,
-    ImaginedChallengers,
-    RacedTree,
-    Races,
-    packed_raced,
+    Contender,
+    ContenderRaces,
+    ImaginedRivals,
+    packed_contenders,
     packed_trees,
+    unpacked_contenders,
     unpacked_trees,
 )
 from eutree.learners.distilled_dqn.teaching import (
@@ -26,6 +35,7 @@ from eutree.learners.distilled_dqn.teaching import (
     Students,
 )
 from eutree.learners.episode_buffer import EpisodeBuffer, random_action
+from eutree.learners.history import History
 from eutree.learners.learner import (
     Arrays,
     Decisions,
@@ -36,17 +46,18 @@ from eutree.learners.learner import (
     Update,
     ValuingPolicy,
 )
+from eutree.neural import DoubleDQN
 from eutree.policy_search.model_trust import ModelTrust
 from eutree.world_model.action_trees import from_decision_tree, n_leaves, to_decision_tree
+from eutree.world_model.ensemble import N_KINDS, Ensemble
 
 FEWEST_PRUNED = 2
-EPISODES_PER_CHALLENGER = 30  # that must be affordable for one more challenger
+EPISODES_PER_RIVAL = 30  # that must be affordable for one more rival
 MANY_EPISODES = 200  # affordable: enough for looks that are far apart
 LOOKS = (8, 20, 40, 72, 136)
 SHORT_LOOKS = (4, 10, 20, 40)
 ALL_TIME_BEST = 2  # that meet the policy again in every race
 LAST_ENTRANTS = 5
-NUMBERS = ("steps", "stage", "labelled_from", "round_from", "incumbent", "n_races")
 
 
 class Stage(IntEnum):
@@ -103,21 +114,21 @@ class DistilledDQNLearner:
     """A learner of this method.
 
     Attributes:
-        history: All transitions, the demonstrations first.
         stage: Where it is.
         steps: Environment steps so far, demonstrations apart.
         dagger: DAgger's rounds.
-        challengers: The world model, and the trees that it speaks for.
-        races: The policy, and the trees that challenged it.
+        rivals: The world model, and the trees that it speaks for.
+        races: The policy, and the trees that wanted its place.
     """
 
     def __init__(self, method: DistilledDQNChoices, problem: Problem, start: Start) -> None:
         self._method = method
         self._problem = problem
+        self._start = start
         self._budget = budget = StepBudget.of(method, problem)
         self._episode = EpisodeBuffer()
         self._experience = experience = Experience(problem.n_features, start.episodes)
-        self.history = history = experience.history
+        history = experience.history
         self.stage = Stage.TEACHER
         self.steps = 0
         self._teacher: NetworkTeacher | GivenTeacher
@@ -136,11 +147,16 @@ class DistilledDQNLearner:
             tree = students.fit(history.observations, method.max_leaves, labels=history.actions)
         self.dagger = DAgger(students, experience, budget.dagger, tree)
         price = method.leaf_price * experience.typical_return
-        self.challengers = ImaginedChallengers(
+        self.rivals = ImaginedRivals(
             method.world_model, students, experience, problem.n_actions, method.max_leaves
         )
-        self.races = Races(RacedTree(tree, "start"), experience, students, price)
+        self.races = ContenderRaces(Contender(tree, "start"), experience, students, price)
         self._students = students
+
+    @property
+    def history(self) -> History:
+        """All transitions, the demonstrations first."""
+        return self._experience.history
 
     # Gathering.
 
@@ -217,7 +233,7 @@ class DistilledDQNLearner:
 
     def model_trust(self) -> ModelTrust | None:
         """Return how the world model orders the trees that were really run; None without one."""
-        return self.challengers.trust(self.races.trees)
+        return self.rivals.trust(self.races.contenders)
 
     def _taught(self) -> Figures:
         """Go on to DAgger when the teacher has had its steps."""
@@ -242,19 +258,20 @@ class DistilledDQNLearner:
         return earned | {"labels": self.dagger.next_round(self.steps)}
 
     def _propose(self, generator: np.random.Generator) -> Figures:
-        """Make challengers of the policy, and let them race."""
+        """Make rivals of the policy, and let them race."""
         affordable = (self._budget.total - self.steps) / self._experience.mean_length
-        n_pruned = int(np.clip(affordable / EPISODES_PER_CHALLENGER, FEWEST_PRUNED, len(PRUNED)))
+        n_rivals = int(np.clip(affordable / EPISODES_PER_RIVAL, FEWEST_PRUNED, len(PRUNED)))
         races, known = self.races, self.races.best(ALL_TIME_BEST)
-        first = len(races.trees)
-        races.trees += self.challengers.make(n_pruned, generator)
-        self.challengers.imagine(races.trees, races.policy, generator)
-        challengers = [*range(first, len(races.trees)), *known]
-        return races.begin(challengers, LOOKS if affordable > MANY_EPISODES else SHORT_LOOKS)
+        first = len(races.contenders)
+        races.contenders += self.rivals.make(n_rivals, generator)
+        self.rivals.imagine(races.contenders, races.policy, generator)
+        rivals = [*range(first, len(races.contenders)), *known]
+        races.begin(rivals, LOOKS if affordable > MANY_EPISODES else SHORT_LOOKS)
+        return {"rivals": len(rivals)}
 
     def _raced(self, generator: np.random.Generator) -> Figures:
-        """Take the last episode as one of the race, and go on."""
-        facts = self.races.take_last_episode()
+        """Take the last episode as a heat of the race, and go on."""
+        facts = self.races.last_episode_was_heat()
         if not facts:
             return {}
         if self.races.is_run:
@@ -270,33 +287,132 @@ class DistilledDQNLearner:
         if self._budget.total - self.steps > self._budget.last or not best:
             return self._propose(generator)
         self.stage = Stage.LAST_RACE
-        return self.races.begin(best, LOOKS)
+        self.races.begin(best, LOOKS)
+        return {"rivals": len(best)}
 
     # Between two episodes.
 
     def state(self) -> Arrays:
         """Return all that is known; labels and the teacher's replay follow from the history."""
-        dagger, races, ensemble = self.dagger, self.races, self.challengers.ensemble
-        numbers = [self.steps, int(self.stage), dagger.labelled_from, dagger.round_from,
-                   races.incumbent, races.number]  # fmt: skip
-        state: Arrays = {"numbers": np.array(numbers, dtype=np.int64)}
-        state |= prefixed("history_", self.history.state())
-        state |= prefixed("teacher_", self._teacher.state())
-        state |= prefixed(RACED_TREE, packed_raced(races.trees))
-        state |= prefixed("student_", packed_trees([dagger.tree]))
-        if ensemble is not None:
-            state |= prefixed("model_", ensemble.state())
-        return state | races.race_state()
+        return arrays_of(self, parts_of(self._start))
 
-    def take_back(self, state: Arrays) -> None:
-        """Go on from a ``state()``."""
-        numbers = dict(zip(NUMBERS, state["numbers"].tolist(), strict=True))
-        self._experience.take_back(part(state, "history_"))
-        self.history = self._experience.history
-        self.steps, self.stage = numbers["steps"], Stage(numbers["stage"])
-        self._teacher.restore(part(state, "teacher_"), self.history)
-        (student,) = unpacked_trees(part(state, "student_"))
-        self.dagger.take_back(student, numbers["labelled_from"], numbers["round_from"])
-        if "model_weights" in state:
-            self.challengers.take_back(part(state, "model_"))
-        self.races.take_back(state, incumbent=numbers["incumbent"], number=numbers["n_races"])
+
+# The state.
+
+_NUMBERS = (
+    "steps", "stage", "dagger.labelled_from", "dagger.round_from", "races.incumbent", "races.number"
+)  # fmt: skip
+
+
+def _are_numbers(found: Found) -> None:
+    """Demonstrations are a part of all that a learner has lived."""
+    most = (MOST, len(Stage) - 1, found.sizes["N"], MOST, found.sizes["T"] - 1, 2**31)
+    for name, number, bound in zip(_NUMBERS, found.state["numbers"].tolist(), most, strict=True):
+        if not 0 <= number <= bound:
+            raise found.refuse("numbers", f"{name} must be in 0..{bound}")
+    n_shown = found.sizes["shown"]
+    if found.sizes["N"] < n_shown or found.value("history_n_episodes") < found.sizes["n_shown"]:
+        raise found.refuse("history_rewards", f"must begin with the {n_shown} demonstrated")
+
+
+def _are_contenders(found: Found) -> None:
+    if sum(found.state["contender_n_returns"].tolist()) != found.sizes["earned"]:
+        raise found.refuse("contender_n_returns", "must be as many as there are returns")
+
+
+def _is_model(found: Found) -> None:
+    if not found.sizes["B"]:
+        raise found.refuse("model_starts", "must be at least one")
+    if (found.state["model_spread"] == 0.0).any():
+        raise found.refuse("model_spread", "must be positive")
+
+
+def _is_race(found: Found) -> None:
+    looks, run = found.state["race_looks"], found.state["race_run"]
+    if not len(looks) or (np.diff(looks, prepend=0) < 1).any() or looks[-1] != found.sizes["X"]:
+        raise found.refuse("race_looks", f"must ascend from 1 to {found.sizes['X']}, the episodes")
+    if found.sizes["R"] < 2:
+        raise found.refuse("race_entrants", "must be at least two")
+    for column, below in enumerate((found.sizes["R"], found.sizes["X"], found.sizes["N"])):
+        if (run[:, column] >= below).any():
+            raise found.refuse("race_run", f"column {column} must be in 0..{below - 1}")
+
+
+_WEIGHTS = Stored("f4", ("weights",))
+_TEACHER = Part(
+    {
+        "teacher_known": Stored("i8", "1", low=0, most="history_n_episodes", at="_teacher.known"),
+        "teacher_updates": Stored("i8", "1", low=0, most=MOST),
+        **{f"teacher_{name}": _WEIGHTS for name in ("online", "target", "average", "mean")},
+        "teacher_square": _WEIGHTS._replace(low=0),
+    },
+    at="_teacher.policy",
+    prefix="teacher_",
+    save=DoubleDQN.state,
+    make=lambda learner, state: learner._teacher.take_back(state, learner.history),
+)
+_CONTENDERS = Part(
+    {
+        "contender_returns": Stored("f8", ("earned",)),
+        "contender_n_returns": Stored("i8", "T", low=0, most="earned"),
+        "contender_origin": Stored("i8", "T", low=0, below=len(ORIGINS)),
+        "contender_imagined": Stored("f8", "T", nan=True),
+    },
+    _are_contenders,
+    at="races.contenders",
+    prefix="contender_",
+    save=packed_contenders,
+    make=lambda _, state: unpacked_contenders(state),
+)
+_STUDENT = packed_trees_part("student_", 1)._replace(
+    at="dagger.tree",
+    prefix="student_",
+    save=lambda tree: packed_trees([tree]),
+    make=lambda learner, state: learner.dagger.take_back(*unpacked_trees(state)),
+)
+_MODEL = Part(
+    {
+        "model_centre": Stored("f8", ("seen",)),
+        "model_spread": Stored("f8", ("seen",), low=0),
+        "model_move": Stored("f8", "d", low=0),
+        "model_moves": Stored("f8", "d2"),
+        "model_binary": Stored("b1", "d"),
+        "model_low": Stored("f8", "d"),
+        "model_high": Stored("f8", "d"),
+        "model_earned": Stored("f8", (N_KINDS, 4)),
+        "model_weights": Stored("f4", ("members", "member")),
+        "model_starts": Stored("f8", "Bd"),
+        "model_horizon": Stored("i8", "1", low=1, most=MOST),
+        "model_returns": Stored("f8", "2"),
+    },
+    _is_model,
+    optional=True,  # before it is fitted
+    at="rivals.ensemble",
+    prefix="model_",
+    save=Ensemble.state,
+    make=lambda learner, state: learner.rivals.ensemble_of(state),
+)
+_RACE = Part(
+    {
+        "race_returns": Stored("f8", "RX", nan=True),
+        "race_entrants": Stored("i8", "R", low=0, below="T"),
+        "race_looks": Stored("i8", "K", low=1, most="X"),
+        "race_run": Stored("i8", "Q3", low=0, most=MOST),
+    },
+    _is_race,
+    optional=True,
+    at="races",
+    save=ContenderRaces.race_state,
+    make=lambda learner, state: learner.races.take_back(state),
+)
+_NUMBERS_PART = Part(
+    {"numbers": Stored("i8", (len(_NUMBERS),), at=" ".join(_NUMBERS))}, _are_numbers
+)
+
+
+def parts_of(start: Start) -> tuple[Part, ...]:
+    """Return the parts of a learner's state; a teacher that was given is given again."""
+    teacher = () if start.teacher is not None else (_TEACHER,)
+    contenders = packed_trees_part("contender_", "T"), _CONTENDERS
+    history = history_parts("_experience.history")
+    return (*history, *teacher, *contenders, _NUMBERS_PART, _STUDENT, _MODEL, _RACE)

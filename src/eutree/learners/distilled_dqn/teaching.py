@@ -13,6 +13,7 @@ import numpy as np
 from eutree.arrays import Booleans, Floats, Int32s, Integers
 from eutree.cart import grow_cart
 from eutree.data import Episode
+from eutree.learners.declared import State
 from eutree.learners.episode_buffer import (
     FinishedEpisode,
     store,
@@ -20,11 +21,10 @@ from eutree.learners.episode_buffer import (
     transitions_of,
 )
 from eutree.learners.history import TERMINAL, History
-from eutree.learners.learner import Arrays, Problem, Start, ValuingPolicy
+from eutree.learners.learner import Problem, Start, ValuingPolicy
 from eutree.neural import DoubleDQN, DoubleDQNSettings, Scaling
 from eutree.neural.double_dqn import reward_scale_of
 from eutree.policies.leaf_statistics import orders_of
-from eutree.trees import DecisionTree
 from eutree.validation import check_integer, check_number
 from eutree.world_model import ActionTree, Transitions, leaf_node
 from eutree.world_model.action_trees import from_decision_tree, to_decision_tree
@@ -92,7 +92,6 @@ class Experience:
     """
 
     def __init__(self, n_features: int, demonstrations: Sequence[Episode]) -> None:
-        self._whole = DecisionTree.single_leaf(n_features)
         self.history = History(n_features, 1)
         store_demonstrations(self.history, demonstrations)
         self.n_shown = self.history.size
@@ -141,10 +140,6 @@ class Experience:
     def transitions(self, n_actions: int) -> Transitions:
         """Return all of it as a world model is fitted to."""
         return transitions_of(self.history, n_actions)
-
-    def take_back(self, state: Arrays) -> None:
-        """Go on from the history's ``state()``."""
-        self.history = History.from_state(state, self._whole)
 
 
 class Students:
@@ -275,10 +270,10 @@ class DAgger:
         self._begin_round(steps)
         return self._experience.history.size - self.labelled_from
 
-    def take_back(self, tree: ActionTree, labelled_from: int, round_from: int) -> None:
-        """Go on from where these stood."""
-        self.tree, self.labelled_from, self.round_from = tree, labelled_from, round_from
-        self._students.begin(labelled_from)
+    def take_back(self, tree: ActionTree) -> None:
+        """Go on with this tree in the round that was under way."""
+        self.tree = tree
+        self._students.begin(self.labelled_from)
 
     def _begin_round(self, steps: int) -> None:
         self.round_from = steps
@@ -310,13 +305,6 @@ class GivenTeacher:
         """Do nothing; return that nothing was learned."""
         return False
 
-    def state(self) -> Arrays:
-        """Return nothing: it is given again to a run that goes on."""
-        return {}
-
-    def restore(self, state: Arrays, history: History) -> None:
-        """Do nothing."""
-
 
 class NetworkTeacher:
     """A Double DQN that learns from a run's episodes, the demonstrations first.
@@ -331,6 +319,7 @@ class NetworkTeacher:
 
     Attributes:
         policy: The network; as a policy it decides by its averaged weights.
+        known: How many episodes it has learned from, with the demonstrations.
     """
 
     def __init__(
@@ -345,7 +334,7 @@ class NetworkTeacher:
         settings = method.teacher
         self._per_step = settings.updates_per_step
         self._first_updates = min(method.demonstration_updates, history.size)
-        self._n_shown = self._known = history.n_episodes
+        self._n_shown = self.known = history.n_episodes
         self._last_row = history.size + steps
         self.policy = DoubleDQN(
             settings,
@@ -375,26 +364,21 @@ class NetworkTeacher:
 
     def learn(self, history: History, generator: np.random.Generator) -> bool:
         """Learn from the episodes that are new, whoever acted; return whether it still learns."""
-        first = int(np.searchsorted(history.episodes, self._known))
+        first = int(np.searchsorted(history.episodes, self.known))
         if self.updates and first >= self._last_row:  # at first there are demonstrations at least
             return False
         if not self.updates:
             self.policy.update(self._first_updates, generator)
-        self._show(history, self._known, history.n_episodes)
-        self._known = history.n_episodes
+        self._show(history, self.known, history.n_episodes)
+        self.known = history.n_episodes
         self.policy.update(round(self._per_step * (history.size - first)), generator)
         return True
 
-    def state(self) -> Arrays:
-        """Return its weights, and how many episodes it has learned from."""
-        return {"known": np.array([self._known], dtype=np.int64), **self.policy.state()}
-
-    def restore(self, state: Arrays, history: History) -> None:
-        """Go on from a ``state()``."""
-        self._known = int(state["known"][0])
+    def take_back(self, state: State, history: History) -> None:
+        """Take back the network, and store again the episodes it knows if it still learns."""
         self.policy.restore(state)
-        if int(np.searchsorted(history.episodes, self._known)) < self._last_row:
-            self._show(history, self._n_shown, self._known)
+        if int(np.searchsorted(history.episodes, self.known)) < self._last_row:
+            self._show(history, self._n_shown, self.known)
 
     def _show(self, history: History, first: int, last: int) -> None:
         """Store the episodes ``first`` to ``last`` - 1 in the replay."""
