@@ -38,17 +38,25 @@ from eutree.learners import (
     Stored,
     Update,
 )
-from eutree.learners.declared import TREE, TREE_AND_HISTORY, Declared, part, prefixed
+from eutree.learners.declared import LOCKED_PART, TREE_PART, arrays_of, history_parts
 from eutree.learners.episode_buffer import EpisodeBuffer, FinishedEpisode, store
-from eutree.learners.learner import Arrays
+from eutree.learners.learner import Arrays, MethodOfParts
 from eutree.policies import LeafStatistics
 from eutree.trees import DecisionTree
 from eutree.validation import check_integer, check_number
 from eutree_lab.step_scale import step_scale
 
+_OWN = Part({
+    "prior": Stored("i8", "L", low=0, below="A", at="_prior"),
+    "depth": Stored("i8", "L", low=0, below="L", at="_depth"),
+    "values": Stored("f8", "LA", at="values"),
+    "tried": Stored("i8", "LA", low=0, most=2**31, at="_tried"),
+    "returns_seen": Stored("f8", "2", at="_seen"),
+})  # fmt: skip
+
 
 @dataclass(frozen=True, kw_only=True)
-class AdaptiveQMethod:
+class AdaptiveQMethod(MethodOfParts):
     """The choices of adaptive Q-learning.
 
     Attributes:
@@ -62,6 +70,7 @@ class AdaptiveQMethod:
 
     name: ClassVar[str] = "adaptive-q"
     needs: ClassVar[Needs] = Needs()
+    parts = (TREE_PART, *history_parts(tree="tree"), LOCKED_PART, _OWN)
 
     discount: float = 0.99
     bonus: float = 0.1
@@ -85,21 +94,6 @@ class AdaptiveQMethod:
         if start.episodes:
             learner.add_demonstrations(start.episodes)
         return learner
-
-    def restore(self, problem: Problem, start: Start, state: Arrays) -> "AdaptiveQ":
-        """Return the learner whose ``state()`` this was; it goes on to the same bytes."""
-        return AdaptiveQ.from_state(state, problem.n_actions, self)
-
-    def declared(self, problem: Problem, start: Start) -> Declared:
-        """Return what the arrays of a ``state()`` are."""
-        own = {
-            "prior": Stored("i8", "L", low=0, below="A"),
-            "depth": Stored("i8", "L", low=0, below="L"),
-            "values": Stored("f8", "LA"),
-            "tried": Stored("i8", "LA", low=0, most=2**31),
-            "returns_seen": Stored("f8", "2"),
-        }
-        return problem.declare(*TREE_AND_HISTORY, Part(own))
 
 
 class AdaptiveQ:
@@ -215,29 +209,7 @@ class AdaptiveQ:
 
     def state(self) -> Arrays:
         """Return all that is known between two episodes."""
-        tree = {name: getattr(self.tree, name) for name in TREE}
-        own = {
-            "prior": self._prior,
-            "depth": self._depth,
-            "values": self.values,
-            "tried": self._tried,
-            "returns_seen": self._seen,
-        }
-        locked = {"locked": np.array(sorted(self._locked))} if self._locked else {}
-        return tree | own | locked | prefixed("history_", self.history.state())
-
-    @classmethod
-    def from_state(cls, state: Arrays, n_actions: int, method: AdaptiveQMethod) -> "AdaptiveQ":
-        """Return the learner whose ``state()`` this was."""
-        n_features = state["history_observations"].shape[1]
-        tree = DecisionTree(n_features, **{name: state[name] for name in TREE})
-        locked = state["locked"].tolist() if "locked" in state else ()
-        learner = cls(tree, n_actions, method, prior=state["prior"], locked=locked)
-        learner.history = History.from_state(part(state, "history_"), tree)
-        learner._depth = np.array(state["depth"])
-        learner.values, learner._tried = np.array(state["values"]), np.array(state["tried"])
-        learner._seen = np.array(state["returns_seen"])
-        return learner
+        return arrays_of(self, self.method.parts)
 
     @property
     def _best(self) -> float:

@@ -20,7 +20,16 @@ from numpy.typing import ArrayLike, NDArray
 from eutree.arrays import Floats
 from eutree.errors import InvalidArgumentError
 from eutree.learners import Decisions, History, Needs, Part, Problem, Start, Step, Stored, Update
-from eutree.learners.declared import MOST, TREE, TREE_AND_HISTORY, Declared, Found, part, prefixed
+from eutree.learners.declared import (
+    MOST,
+    Declared,
+    Found,
+    arrays_of,
+    give_back,
+    history_parts,
+    tree_of,
+    tree_part,
+)
 from eutree.learners.episode_buffer import EpisodeBuffer, store, store_demonstrations
 from eutree.learners.learner import Arrays, reached
 from eutree.policies import TreePolicy
@@ -29,7 +38,7 @@ from eutree.validation import check_integer, check_vector
 from eutree_lab.parti_game.cells import GOAL, Cells, goal_boxes
 from eutree_lab.parti_game.displacements import LearnedController
 from eutree_lab.parti_game.game import CUT_SHORT, GOES_ON, GameRules, PartiGame
-from eutree_lab.parti_game.outcomes import EXPERT, LOST, Outcomes
+from eutree_lab.parti_game.outcomes import EXPERT, LOST, Outcomes, counted
 from eutree_lab.relabelling import relabelled
 from eutree_lab.root_box import root_box
 
@@ -87,24 +96,13 @@ class PartiGameMethod:
 
     def restore(self, problem: Problem, start: Start, state: Arrays) -> "PartiGameLearner":
         """Return the learner whose ``state()`` this was; it goes on to the same bytes."""
-        learner = PartiGameLearner(problem, start, self)
-        learner.take_state(state)
-        return learner
+        return give_back(PartiGameLearner(problem, start, self), _PARTS, state)
 
     def declared(self, problem: Problem, start: Start) -> Declared:
-        """Return what the arrays of a ``state()`` are."""
+        """Return the declaration of a ``state()``."""
         d = problem.n_features
         _, n_tiles, _ = _controller(np.zeros(d), np.ones(d), problem).tiles.means.shape
-        own = {
-            "triples": Stored("i8", "K3", low=min(EXPERT, LOST), below="L"),
-            "starts": Stored("f8", "Kd"),
-            "means": Stored("f8", ("A", n_tiles, "d")),
-            "errors": Stored("f8", ("A", n_tiles), low=0),
-            "visits": Stored("i8", ("A", n_tiles), low=0, most=MOST),
-            "size": Stored("f8", "2", low=0),  # a sum and a number
-            "exhausted": Stored("b1", "1"),
-        }
-        return problem.declare(*TREE_AND_HISTORY, Part(own, _are_triples))
+        return problem.declare(*_PARTS, tiles=n_tiles)
 
 
 def _are_triples(found: Found) -> None:
@@ -112,6 +110,45 @@ def _are_triples(found: Found) -> None:
     for column, least in enumerate((0, EXPERT, LOST)):
         if (found.state["triples"][:, column] < least).any():
             raise found.refuse("triples", f"column {column} must be in {least}..cells")
+
+
+def _arrays_of(game: PartiGame) -> Arrays:
+    triples, starts = [], []
+    for (cell, aim), came in game.own.starts.items():
+        triples += [(cell, aim, arrived) for _, arrived in came]
+        starts += [start for start, _ in came]
+    d = game.cells.tree.n_features
+    return {
+        "triples": np.array(triples, dtype=np.int64).reshape(-1, 3),
+        "starts": np.array(starts, dtype=np.float64).reshape(-1, d),
+    }
+
+
+def _resume(learner: "PartiGameLearner", state: Arrays) -> None:
+    """Let the game of a learner go on with the tree of its cells, and what came of its aims."""
+    game = learner.game
+    tree = tree_of(state, game.cells.tree.n_features)
+    rows = zip(map(tuple, state["triples"].tolist()), np.array(state["starts"]), strict=True)
+    cells = Cells.of(tree, *game.cells.box, game.cells.goals)
+    game.resume(cells, counted(rows, game.rules.floor), exhausted=game.exhausted)
+
+
+_GAME = Part(
+    {
+        "exhausted": Stored("b1", "1", at="game.exhausted"),
+        "triples": Stored("i8", "K3", low=min(EXPERT, LOST), below="L"),
+        "starts": Stored("f8", "Kd"),
+        "means": Stored("f8", ("A", "tiles", "d"), at="_learned.tiles.means"),
+        "errors": Stored("f8", ("A", "tiles"), low=0, at="_learned.tiles.errors"),
+        "visits": Stored("i8", ("A", "tiles"), low=0, most=MOST, at="_learned.tiles.visits"),
+        "size": Stored("f8", "2", low=0, at="_learned.tiles.size"),  # a sum and a number
+    },
+    _are_triples,
+    at="game",
+    save=_arrays_of,
+    make=_resume,
+)
+_PARTS = (tree_part("game.cells.tree")._replace(make=None), *history_parts(), _GAME)
 
 
 class PartiGameLearner:
@@ -221,39 +258,7 @@ class PartiGameLearner:
 
     def state(self) -> Arrays:
         """Return all that is known between two episodes."""
-        game = self.game
-        state: Arrays = {name: getattr(game.cells.tree, name) for name in TREE}
-        state |= prefixed("history_", self.history.state())
-        rows = [
-            (cell, aim, arrived, start)
-            for (cell, aim), starts in game.own.starts.items()
-            for start, arrived in starts
-        ]
-        state["triples"] = np.array([row[:3] for row in rows], dtype=np.int64).reshape(-1, 3)
-        d = game.cells.tree.n_features
-        state["starts"] = np.array([row[3] for row in rows], dtype=np.float64).reshape(-1, d)
-        tiles = self._learned.tiles
-        state |= {name: getattr(tiles, name) for name in _TILES}
-        state["exhausted"] = np.array([game.exhausted])
-        return state
-
-    def take_state(self, state: Arrays) -> None:
-        """Become the learner whose ``state()`` this was."""
-        self.history = History.from_state(
-            part(state, "history_"), DecisionTree.single_leaf(self.game.cells.tree.n_features)
-        )
-        tree = DecisionTree(self.game.cells.tree.n_features, **{name: state[name] for name in TREE})
-        own = Outcomes(self.method.floor)
-        for (cell, aim, arrived), start in zip(
-            state["triples"].tolist(), np.array(state["starts"]), strict=True
-        ):
-            own.add((cell, aim, arrived), start)
-        for name in _TILES:
-            getattr(self._learned.tiles, name)[...] = state[name]
-        cells = self.game.cells
-        self.game.resume(
-            Cells.of(tree, *cells.box, cells.goals), own, exhausted=bool(state["exhausted"][0])
-        )
+        return arrays_of(self, _PARTS)
 
     def _snapshot(self) -> tuple[Cells, Outcomes, bool, list[NDArray[Any]]]:
         game, tiles = self.game, self._learned.tiles

@@ -25,10 +25,17 @@ from numpy.typing import ArrayLike
 from eutree.arrays import Floats, Integers
 from eutree.data import Episode
 from eutree.learners import Decisions, History, Needs, Part, Problem, Start, Step, Stored, Update
-from eutree.learners.declared import MOST, TREE, TREE_AND_HISTORY, Declared, Found, part, prefixed
+from eutree.learners.declared import (
+    LOCKED_PART,
+    MOST,
+    Found,
+    arrays_of,
+    history_parts,
+    tree_part,
+)
 from eutree.learners.episode_buffer import EpisodeBuffer, store, store_demonstrations
 from eutree.learners.history import TERMINAL
-from eutree.learners.learner import Arrays
+from eutree.learners.learner import Arrays, MethodOfParts
 from eutree.mdp import TabularMDP, TransitionCounts
 from eutree.trees import DecisionTree
 from eutree.validation import check_choice, check_integer, check_number
@@ -40,8 +47,30 @@ from eutree_lab.vqql.codebook import Codebook, codebook_in_leaves
 Solver = Literal["q-learning", "model"]
 
 
+def _is_book(found: Found) -> None:
+    first, n_regions = found.state["first"], found.sizes["R"]
+    if len(first) != found.sizes["L"] + 1:
+        raise found.refuse("first", "must have one entry more than the tree has leaves")
+    if first[0] != 0 or first[-1] != n_regions or (np.diff(first) < 1).any():
+        raise found.refuse("first", f"must ascend from 0 to {n_regions}, the regions")
+    if (found.state["scale"] <= 0.0).any():
+        raise found.refuse("scale", "must be positive")
+    if (np.isnan(found.state["values"]) != (found.state["tried"] == 0)).any():
+        raise found.refuse("values", "must be known exactly where an action was tried")
+
+
+_BOOK = {
+    "prior": Stored("i8", "L", low=0, below="A", at="_prior"),
+    "codewords": Stored("f8", "Rd", at="book.codewords"),
+    "first": Stored("i8", "F", low=0, most="R", at="book.first"),
+    "scale": Stored("f8", "d", at="book.scale"),
+    "values": Stored("f8", "RA", nan=True, at="values"),
+    "tried": Stored("i8", "RA", low=0, most=MOST, at="_tried"),
+}
+
+
 @dataclass(frozen=True, kw_only=True)
-class VectorQuantizationMethod:
+class VectorQuantizationMethod(MethodOfParts):
     """The choices of VQQL.
 
     Attributes:
@@ -57,6 +86,7 @@ class VectorQuantizationMethod:
     name: ClassVar[str] = "vqql"
     needs: ClassVar[Needs] = Needs()
     deleted: ClassVar[Mapping[str, Any]] = {"trial": False}
+    parts = (tree_part("book.tree"), *history_parts(), LOCKED_PART, Part(_BOOK, _is_book))
 
     n_regions: int = 64
     solver: Solver = "q-learning"
@@ -82,36 +112,6 @@ class VectorQuantizationMethod:
         if start.episodes:
             learner.add_demonstrations(start.episodes)
         return learner
-
-    def restore(self, problem: Problem, start: Start, state: Arrays) -> "VectorQuantization":
-        """Return the learner whose ``state()`` this was; it goes on to the same bytes."""
-        return VectorQuantization.from_state(state, problem.n_actions, self)
-
-    def declared(self, problem: Problem, start: Start) -> Declared:
-        """Return what the arrays of a ``state()`` are."""
-        return problem.declare(*TREE_AND_HISTORY, Part(_BOOK, _is_book))
-
-
-def _is_book(found: Found) -> None:
-    first, n_regions = found.state["first"], found.sizes["R"]
-    if len(first) != found.sizes["L"] + 1:
-        raise found.refuse("first", "must have one entry more than the tree has leaves")
-    if first[0] != 0 or first[-1] != n_regions or (np.diff(first) < 1).any():
-        raise found.refuse("first", f"must ascend from 0 to {n_regions}, the regions")
-    if (found.state["scale"] <= 0.0).any():
-        raise found.refuse("scale", "must be positive")
-    if (np.isnan(found.state["values"]) != (found.state["tried"] == 0)).any():
-        raise found.refuse("values", "must be known exactly where an action was tried")
-
-
-_BOOK = {
-    "prior": Stored("i8", "L", low=0, below="A"),
-    "codewords": Stored("f8", "Rd"),
-    "first": Stored("i8", "F", low=0, most="R"),
-    "scale": Stored("f8", "d"),
-    "values": Stored("f8", "RA", nan=True),
-    "tried": Stored("i8", "RA", low=0, most=MOST),
-}
 
 
 class VectorQuantization:
@@ -230,38 +230,7 @@ class VectorQuantization:
 
     def state(self) -> Arrays:
         """Return all that is known between two episodes."""
-        tree = {name: getattr(self.book.tree, name) for name in TREE}
-        own = {
-            "prior": self._prior,
-            "codewords": self.book.codewords,
-            "first": self.book.first,
-            "scale": self.book.scale,
-            "values": self.values,
-            "tried": self._tried,
-        }
-        locked = {"locked": np.array(sorted(self._locked))} if self._locked else {}
-        return tree | own | locked | prefixed("history_", self.history.state())
-
-    @classmethod
-    def from_state(
-        cls, state: Arrays, n_actions: int, method: VectorQuantizationMethod
-    ) -> "VectorQuantization":
-        """Return the learner whose ``state()`` this was."""
-        n_features = len(state["scale"])
-        tree = DecisionTree(n_features, **{name: state[name] for name in TREE})
-        learner = cls(
-            tree,
-            n_actions,
-            method,
-            prior=state["prior"],
-            locked=state["locked"].tolist() if "locked" in state else (),
-        )
-        learner.book = Codebook(tree, state["codewords"], state["first"], state["scale"])
-        learner.values, learner._tried = np.array(state["values"]), np.array(state["tried"])
-        learner.history = History.from_state(
-            part(state, "history_"), DecisionTree.single_leaf(n_features)
-        )
-        return learner
+        return arrays_of(self, self.method.parts)
 
     def _region_of(self, observation: Floats) -> int:
         return int(self.book.regions(observation[np.newaxis])[0])

@@ -18,14 +18,21 @@ from numpy.typing import ArrayLike
 from eutree.arrays import Floats, Integers
 from eutree.errors import InvalidArgumentError
 from eutree.learners import Decisions, History, Needs, Part, Problem, Start, Step, Stored, Update
-from eutree.learners.declared import TREE, TREE_AND_HISTORY, Declared, Found, part, prefixed
+from eutree.learners.declared import (
+    TREE_PART,
+    Found,
+    arrays_of,
+    give_back,
+    history_parts,
+    tree_of,
+)
 from eutree.learners.episode_buffer import (
     EpisodeBuffer,
     store,
     store_demonstrations,
     transitions_of,
 )
-from eutree.learners.learner import Arrays, TrueModel
+from eutree.learners.learner import Arrays, MethodOfParts, TrueModel
 from eutree.policies import TreePolicy
 from eutree.trees import DecisionTree
 from eutree.validation import check_choice, check_integer, check_number
@@ -47,7 +54,7 @@ FEWEST = 8  # transitions that a model is fitted to
 
 
 @dataclass(frozen=True, kw_only=True)
-class VariableResolutionMethod:
+class VariableResolutionMethod(MethodOfParts):
     """The choices of variable resolution discretization.
 
     Attributes:
@@ -108,26 +115,24 @@ class VariableResolutionMethod:
 
     def restore(self, problem: Problem, start: Start, state: Arrays) -> "VariableResolution":
         """Return the learner whose ``state()`` this was; it goes on to the same bytes."""
-        return VariableResolution.from_state(problem, start, self, state)
+        return give_back(VariableResolution(problem, start, self), self.parts, state)
 
-    def declared(self, problem: Problem, start: Start) -> Declared:
-        """Return what the arrays of a ``state()`` are."""
-        solved_from = Part({"solved_from": Stored("i8", "1", low=0, most="N")})
-        values = Part(
-            {
-                "box": Stored("f8", "2d"),
-                "values": Stored("f8", "C"),
-                "policy": Stored("i8", "C", low=0, below="A"),
-            },
-            self._is_solved,
-            optional=True,
-        )
-        return problem.declare(*TREE_AND_HISTORY, solved_from, values)
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """The parts of a learner's state."""
+        values = {
+            "box": Stored("f8", "2d"),
+            "values": Stored("f8", "C"),
+            "policy": Stored("i8", "C", low=0, below="A"),
+        }
+        make = VariableResolution.solved_again
+        solved = Part(values, self._is_solved, True, "solved", save=_solved_arrays, make=make)
+        return (TREE_PART, *history_parts(), _SOLVED_FROM, solved)
 
     def _is_solved(self, found: Found) -> None:
         """Raise FormatError unless there is a value for each corner of the tree's boxes."""
         try:
-            grid = _grid(dict(found.state), found.sizes["d"])
+            grid = Grid.of(tree_of(found.state, found.sizes["d"]), *found.state["box"])
         except InvalidArgumentError as error:
             raise found.refuse("box", str(error)) from None
         if found.sizes["C"] != grid.n_corners:
@@ -136,6 +141,13 @@ class VariableResolutionMethod:
             )
         if found.value("solved_from") < FEWEST and not self.true_model:
             raise found.refuse("solved_from", f"must be at least {FEWEST} where there are values")
+
+
+_SOLVED_FROM = Part({"solved_from": Stored("i8", "1", low=0, most="N", at="_solved_from")})
+
+
+def _solved_arrays(one: Solved) -> Arrays:
+    return {"values": one.values, "policy": one.policy, "box": np.stack(one.grid.box)}
 
 
 class VariableResolution:
@@ -251,33 +263,13 @@ class VariableResolution:
 
     def state(self) -> Arrays:
         """Return all that is known between two episodes."""
-        state: Arrays = {name: getattr(self.tree, name) for name in TREE}
-        state |= prefixed("history_", self.history.state())
-        state["solved_from"] = np.array([self._solved_from])
-        if self.solved is not None:
-            state["values"], state["policy"] = self.solved.values, self.solved.policy
-            state["box"] = np.stack(self.solved.grid.box)
-        return state
+        return arrays_of(self, self.method.parts)
 
-    @classmethod
-    def from_state(
-        cls, problem: Problem, start: Start, method: VariableResolutionMethod, state: Arrays
-    ) -> "VariableResolution":
-        """Return the learner whose ``state()`` this was; the model is fitted again."""
-        learner = cls(problem, replace(start, episodes=()), method)
-        learner._starts = np.array([e.observations[0] for e in start.episodes if len(e)])
-        learner.history = History.from_state(
-            part(state, "history_"), DecisionTree.single_leaf(problem.n_features)
-        )
-        learner.tree = DecisionTree(problem.n_features, **{name: state[name] for name in TREE})
-        learner._solved_from = int(state["solved_from"][0])
-        if "values" in state:
-            learner._world = learner._fitted()
-            learner.solved = Solved.of(
-                _grid(state, problem.n_features), learner._world,
-                np.array(state["values"]), np.array(state["policy"]),
-            )  # fmt: skip
-        return learner
+    def solved_again(self, state: Arrays) -> Solved:
+        """Return the boxes with their values; the model is fitted again."""
+        self._world = self._fitted()
+        values, policy = np.array(state["values"]), np.array(state["policy"])
+        return Solved.of(Grid.of(self.tree, *state["box"]), self._world, values, policy)
 
     def _fitted(self) -> CornerWorld:
         """Return the world model of the transitions that were stored at the last update."""
@@ -345,8 +337,3 @@ def _dynamics(model: TrueModel) -> Dynamics:
         return after, rewards, np.where(ends, 0.0, 1.0)
 
     return dynamics
-
-
-def _grid(state: Arrays, n_features: int) -> Grid:
-    tree = DecisionTree(n_features, **{name: state[name] for name in TREE})
-    return Grid.of(tree, state["box"][0], state["box"][1])
