@@ -20,11 +20,14 @@ import pytest
 import eutree
 from eutree.cli.main import run
 from eutree.errors import FormatError, InvalidArgumentError, RunFolderError, UnknownNameError
-from eutree.learners import METHODS, Needs, method, register
+from eutree.learners import METHODS, History, Needs, Part, Start, Stored, method, register
+from eutree.learners.declared import HISTORY_PART, MASKS_PART, SHOWN_PART, part, prefixed
 from eutree.learners.registry import GROUP, from_document, to_document
 from eutree.learners.registry import restored as restored_from
+from eutree.trees import DecisionTree
 from tests.learners.battery import Case
 from tests.patience import ENOUGH
+from tests.worlds import Corridor, play
 
 PAGE = Path(__file__).parents[2] / "docs" / "your-own-method.md"
 PROJECT = """
@@ -353,11 +356,61 @@ def test_a_learner_that_lacks_something_is_refused_before_the_first_step(
     with pytest.raises(InvalidArgumentError, match=rf"the learner of method .* lacks {name}; see"):
         learned(demos, tmp_path / "run", method=of_the_page())
     assert not (tmp_path / "run").exists()
+    monkeypatch.setattr(of_the_page, "start", made)
     monkeypatch.setattr(of_the_page, "restore", lambda *given: without(restored(*given)))
     case = Case.of(of_the_page(), "tree")
     state = made(of_the_page(), case.problem, case.start).state()
     with pytest.raises(InvalidArgumentError, match=rf"lacks {name}; see"):
         restored_from("checkpoint.npz", state, of_the_page(), case.problem, case.start)
+
+
+class ByHand:
+    """The method of the page, with a state that it writes, reads and declares by itself.
+
+    As the page had it before a state followed from the parts.
+    """
+
+    def __init__(self, own) -> None:
+        self._own = own
+
+    def __getattr__(self, name):
+        return getattr(self.__dict__["_own"], name)
+
+    def start(self, problem, start):
+        learner = self._own.start(problem, start)
+        learner.state = lambda: {
+            "sums": learner.sums.copy(),
+            **prefixed("history_", learner.history.state()),
+        }
+        return learner
+
+    def restore(self, problem, start, state):
+        learner = self.start(problem, Start(start.expert))
+        learner.sums = state["sums"].copy()
+        single = DecisionTree.single_leaf(problem.n_features)
+        learner.history = History.from_state(part(state, "history_"), single)
+        return learner
+
+    def declared(self, problem, start):
+        sums = Stored("f8", (3, start.expert.n_leaves, "A"))
+        return problem.declare(Part({"sums": sums}), HISTORY_PART, SHOWN_PART, MASKS_PART)
+
+
+@pytest.mark.parametrize("start_name", ["tree", "tree+demos"])
+def test_a_state_by_hand_is_the_one_that_follows_from_the_parts(start_name, of_the_page):
+    declaring = Case.of(of_the_page(), start_name)
+    by_hand = Case.of(ByHand(of_the_page()), start_name)
+    learners, states = [], []
+    for case, other in ((declaring, by_hand), (by_hand, declaring)):
+        state = {name: np.array(array) for name, array in case.lived().state().items()}
+        again = restored_from("file", state, other.method, other.problem, other.start)
+        play(again, Corridor(), seed=50)
+        learners.append(again)
+        states.append(state)
+    states += [learner.state() for learner in learners]
+    one, two, three, four = ({k: a.tobytes() for k, a in state.items()} for state in states)
+    assert one == two
+    assert three == four != one
 
 
 def _beginning():

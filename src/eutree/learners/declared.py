@@ -228,7 +228,7 @@ def taken(path: str | Path, state: State, declared: Declared) -> Arrays:
 
 
 def arrays_of(learner: object, parts: Iterable[Part]) -> Arrays:
-    """Return the state of a learner as its parts declare it."""
+    """Return the state of a learner as its parts declare it: its own arrays, not copies."""
     state: Arrays = {}
     for one in parts:
         own = {
