@@ -93,7 +93,7 @@ class Declared:
     """The state of a learner.
 
     Attributes:
-        n_features: Number of features d of what is stored.
+        n_features: Number of features d of a stored observation.
         n_actions: Number of actions A.
         parts: All arrays; a size that several share is bound by the first.
         sizes: Other sizes that are known beforehand, by the letters of axes.
@@ -131,7 +131,7 @@ class Found:
         """Return the arrays of a part with the elements that are declared.
 
         Raises:
-            FormatError: An array is not what it is declared to be.
+            FormatError: An array is not as it is declared.
         """
         for name, stored in part.arrays.items():
             self._check_shape(name, stored)

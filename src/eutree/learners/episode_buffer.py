@@ -1,4 +1,4 @@
-"""The episode under way: what a learner keeps of it until it has ended."""
+"""The episode under way, which a learner keeps until it has ended."""
 
 from collections.abc import Iterable
 from typing import NamedTuple
@@ -117,7 +117,7 @@ def store_demonstrations(history: History, episodes: Iterable[Episode]) -> None:
 
 
 def transitions_of(history: History, n_actions: int) -> Transitions:
-    """Return a history as planning sees it; what a gap divides counts as two episodes."""
+    """Return a history as planning sees it; the pieces beside a gap count as two episodes."""
     return Transitions(
         history.observations,
         history.actions.astype(np.int64),
@@ -130,7 +130,7 @@ def transitions_of(history: History, n_actions: int) -> Transitions:
 
 
 def _as_whole(episodes: Integers, continues: Booleans) -> Integers:
-    """Return numbers of episodes [N] such that what a gap divides counts as two."""
+    """Return numbers of episodes [N] such that the pieces beside a gap count as two."""
     gaps = ~continues
     gaps[1:] &= episodes[1:] == episodes[:-1]
     gaps[:1] = False

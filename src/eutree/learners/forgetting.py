@@ -1,19 +1,19 @@
-"""What a history of bounded size forgets: a random part, so that what stays is a fair sample.
+"""How a history of bounded size forgets: a random part, so that a fair sample stays.
 
 Bottom-k sampling (Cohen & Kaplan, "Summarizing data using bottom-k sketches", 2007). Each
 transition draws a random *rank*, a whole number below ``RANKS``, when it comes. A reservoir keeps
-the transitions whose ranks lie below its *bound*. Whatever the bound, they are a uniform sample of
+the transitions whose ranks lie below its *bound*. For any bound they are a uniform sample of
 all that the reservoir has seen, and a later transition is stored exactly when its rank lies below
 it too. A bound falls when room is needed, and never rises.
 
 *Leaves and actions* (``LeafReservoirs``): each pair of a leaf and an action is a reservoir. They
-share the room max-min fairly: each keeps what it has, up to one size, so the largest give way and
-the rare keep all. The halves of a split leaf start with what they inherit.
+share the room max-min fairly: each keeps all, up to one size, so the largest give way and the rare
+lose nothing. The halves of a split leaf start with the transitions that they inherit.
 
 *Episodes* (``RecentEpisodes``): a planner needs whole episodes, in order. The most recent ones,
 half of the room, stay; all older ones are one reservoir.
 
-Forgetting takes time in proportion to what is stored, so an eighth of the room is freed at once.
+Forgetting takes time in proportion to the size, so an eighth of the room is freed at once.
 """
 
 import warnings
@@ -103,7 +103,7 @@ class RecentEpisodes:
         return np.full(n_steps, generator.integers(RANKS, dtype=np.uint32))
 
     def admits(self, leaves: Labels, actions: Labels, ranks: Ranks) -> Booleans:
-        """Return True for each, shape [T]: what is new is recent."""
+        """Return True for each, shape [T]: a new episode is recent."""
         fits = ranks.size <= self.max_transitions
         if not fits and not self._warned:
             self._warned = True
@@ -137,11 +137,11 @@ Forgetting: TypeAlias = LeafReservoirs | RecentEpisodes
 def fair_shares(sizes: Integers, room: int) -> Integers:
     """Return how much of each reservoir stays: all of it up to one size, ``room`` in all.
 
-    What is left after the largest such size goes to the first reservoirs above it, one each.
+    The rest after the largest such size goes to the first reservoirs above it, one each.
 
     Args:
-        sizes: What each reservoir holds, shape [n].
-        room: What they may hold together.
+        sizes: Transitions in each reservoir, shape [n].
+        room: Most transitions in all of them together.
     """
     if int(sizes.sum()) <= room:
         return sizes

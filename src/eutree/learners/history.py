@@ -176,11 +176,11 @@ class History:
     Args:
         n_features: Number of features d of an observation.
         n_leaves: Number of leaves of the tree whose leaves label the rows.
-        forgetting: What is left out when there is too much; None stores everything.
+        forgetting: Which transitions are left out when there are too many; None stores all.
 
     Attributes:
-        columns: What is stored of each transition; once actions were masked ``allowed``, too.
-        observations: Observation o of each; this and what follows are views of columns.
+        columns: All that is stored of each transition, ``allowed`` too once actions were masked.
+        observations: Observation o of each; this and the next eight are views of columns.
         next_observations: Observation o'.
         actions: Action.
         rewards: Reward.
@@ -240,7 +240,7 @@ class History:
         return self.columns.size
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Return what the history holds; its labels and lists follow from the tree."""
+        """Return the transitions as arrays; their labels and lists follow from the tree."""
         state = {
             **{name: self.columns[name] for name in _STORED},
             "terminal": self.entered == TERMINAL,
@@ -341,7 +341,7 @@ class History:
         return stored
 
     def forget(self) -> Integers | None:
-        """Forget what is too much, and number the episodes that stay from 0.
+        """Forget transitions where there are too many, and number the episodes that stay from 0.
 
         Returns:
             The former numbers of the episodes that stay, ascending; None if nothing is too much.

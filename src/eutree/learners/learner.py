@@ -1,4 +1,4 @@
-"""What every learner is: where it starts, how it learns, and what the loop of a run asks of it.
+"""The protocol of learners: where one starts, how it learns, what the loop of a run asks of it.
 
 Two things are told apart. A *start* is where learning begins: from nothing, the expert tree, the
 demonstrations, or both; the paper's C. U-Tree, EU-Tree - DT and EU-Tree are three starts. A
@@ -14,7 +14,7 @@ The loop of a run, for every method:
     every ``gathering_episodes`` episodes: learner.update(generator)
     whenever a policy is wanted:           learner.decisions().policy(problem)
 
-What only some learners can do is a protocol of its own, which its user checks for by
+Each ability that only some learners have is a protocol of its own, which its user checks for by
 ``isinstance``: ``ChoosesStarts``, ``HasStages``, ``HasTeacher``, ``KnowsItsModel``,
 ``Imagines``, ``HasPolicy``.
 """
@@ -54,7 +54,7 @@ class ValuingPolicy(Policy, Protocol):
 
 
 class Step(NamedTuple):
-    """One step: the action taken at the present observation, and what came of it.
+    """One step: the action taken at the present observation, its reward and where it led.
 
     A truncated episode is no terminal one: its value goes on where it was cut short.
 
@@ -90,7 +90,7 @@ class Problem:
         max_episode_steps: Steps after which the environment truncates; None if it never does.
         steps: The run's budget of environment steps; None where it is counted in episodes.
         model: The environment's own model, where it offers one: from states [N, d] and actions [N]
-            to next states, rewards [N] and what ends there [N], without noise.
+            to next states, rewards [N] and endings [N], without noise.
     """
 
     schema: Schema
@@ -148,7 +148,7 @@ class Start:
         expert: The tree it starts from: fitted to demonstrations, written by hand, or random.
         episodes: Demonstrations whose transitions it knows.
         random: Whether ``expert`` is a random tree, whose labels mean nothing.
-        teacher: Who says what to do at observations that are met later; None if nobody does.
+        teacher: Who names actions at observations that are met later; None if nobody does.
     """
 
     expert: TreePolicy | None = None
@@ -184,7 +184,7 @@ class LeafSplit(NamedTuple):
 
 @dataclass(frozen=True)
 class Update:
-    """What an update did, for the log of the run.
+    """The outcome of an update, for the log of the run.
 
     Attributes:
         splits: Leaves that were split, in order.
@@ -197,7 +197,7 @@ class Update:
 
 @dataclass(frozen=True, eq=False)
 class Decisions:
-    """What a learner would do if it learned no more, as a tree.
+    """The policy of a learner if it learned no more, as a tree.
 
     Attributes:
         tree: The tree.
@@ -244,8 +244,8 @@ def reached(episodes: Sequence[Episode]) -> Booleans:
     """Return which episodes reached the goal, shape [E].
 
     The environment says so by ``is_success``. Where it says nothing, an end is a good one if its
-    reward is no less than what a step that goes on earns from there on average: an end that saves
-    further cost is a goal, one that cuts earning short is not.
+    reward is no less than the mean return from a step that goes on: an end that saves further cost
+    is a goal, one that cuts earning short is not.
     """
     to_go = [np.cumsum(episode.rewards[::-1])[::-1] for episode in episodes]
     ongoing = [x[:-1] if e.terminated else x for x, e in zip(to_go, episodes, strict=True)]
@@ -264,7 +264,7 @@ def reached(episodes: Sequence[Episode]) -> Booleans:
 
 @dataclass(frozen=True, kw_only=True)
 class Needs:
-    """What a method asks of a problem and a start.
+    """The demands of a method on a problem and a start.
 
     Attributes:
         goal: The demonstrations must hold an episode that reached the task's goal.
@@ -312,7 +312,7 @@ class Learner(Protocol):
         ...
 
     def observe(self, step: Step) -> None:
-        """Take what came of an action; learn from it at once, or only keep it."""
+        """Take a step; learn from it at once, or only keep it."""
         ...
 
     def end_episode(self) -> None:
@@ -324,7 +324,7 @@ class Learner(Protocol):
         ...
 
     def update(self, generator: np.random.Generator) -> Update:
-        """Learn from what is stored: an expansion phase, a planning, a clustering."""
+        """Learn from the history: an expansion phase, a planning, a clustering."""
         ...
 
     def decisions(self) -> Decisions:
@@ -351,7 +351,7 @@ class Method(Protocol):
 
     Attributes:
         name: Its name in the registry and on the command line.
-        needs: What it asks of a problem and a start, checked before a run.
+        needs: Its demands on a problem and a start, checked before a run.
         gathering_episodes: Episodes between two updates.
     """
 
@@ -372,10 +372,10 @@ class Method(Protocol):
         ...
 
     def declared(self, problem: Problem, start: Start) -> Declared:
-        """Return what the arrays of a ``state()`` are: names, elements, axes and ranges.
+        """Return the declaration of a ``state()``: names, elements, axes and ranges.
 
         A checkpoint is compared with it before ``restore`` is called. Compiled loops trust their
-        indices, so whatever one indexes with has the size of what it indexes as its range.
+        indices, so the range of each index is the size of the array that it points into.
         """
         ...
 
@@ -383,8 +383,8 @@ class Method(Protocol):
 class MethodOfParts:
     """A method whose declaration is its parts, from which its learners are saved and restored.
 
-    The ``state()`` of its learners is ``arrays_of(self, parts)``. What they rebuild after they
-    were given their parts back is for a ``restore`` of its own.
+    The ``state()`` of its learners is ``arrays_of(self, parts)``. They are given it back at a start
+    without demonstrations, which the stored history holds.
     """
 
     @property
@@ -423,7 +423,7 @@ class HasStages(Protocol):
 
     @property
     def stage_name(self) -> str:
-        """What is under way, in one or two words."""
+        """The name of the present stage, in one or two words."""
         ...
 
 
@@ -444,7 +444,7 @@ class HasTeacher(Protocol):
 
 @runtime_checkable
 class KnowsItsModel(Protocol):
-    """A learner that compares what it imagined of trees with what they really earned."""
+    """A learner that compares the imagined returns of trees with their real ones."""
 
     def model_trust(self) -> ModelTrust | None:
         """Return how its world model orders the trees that were really run; None without one."""
@@ -488,7 +488,7 @@ def check_has_all(one: object, protocol: type, kind: type, besides: Iterable[str
         one: The class of the method, or a learner.
         protocol: ``Method`` or ``Learner``.
         kind: The class of the method.
-        besides: What instances of it will have too.
+        besides: Names that only instances of it have.
     """
     wanted = [n for n in (*protocol.__annotations__, *vars(protocol)) if not n.startswith("_")]
     lacking = [name for name in wanted if not hasattr(one, name) and name not in besides]

@@ -3,7 +3,7 @@
 The learner acts by whole trees. The incumbent is the policy; challengers are planned in a world
 model that is fitted to all stored transitions, and act in episodes of their own before one of them
 becomes the incumbent (:mod:`eutree.policy_search.planner`). There is no table of values over
-leaves: what decides are returns.
+leaves: returns decide.
 """
 
 from collections.abc import Iterable, Mapping
@@ -179,7 +179,7 @@ class ModelPlanning:
         self._acting: ActionTree | None = None
 
     def add_demonstrations(self, episodes: Iterable[Episode]) -> None:
-        """Store the expert's episodes; they are taken for what the incumbent can do."""
+        """Store the expert's episodes; they count as the incumbent's."""
         for episode in episodes:
             store_demonstrations(self.history, [episode])
             self.history.forget()
@@ -224,7 +224,7 @@ class ModelPlanning:
         return self._actor.act(self._steps.present, allowed)
 
     def observe(self, step: Step) -> None:
-        """Take what came of an action."""
+        """Take a step."""
         self._steps.add(step)
 
     def end_episode(self) -> None:
@@ -292,7 +292,7 @@ class ModelPlanning:
         self.tree, self.actions = tree, actions
 
     def _returns(self) -> LeafStatistics | None:
-        """Return what followed each action in the incumbent's own episodes; None if it has none."""
+        """Return the returns of each action in the incumbent's own episodes; None without any."""
         history = self.history
         mine = np.isin(history.episodes, self.plan.incumbent_episodes) & ~history.demonstrated
         if not mine.any():

@@ -5,7 +5,7 @@ A method is found by an entry point: those of the core are listed here; every ot
 One that is not installed is handed to ``learn`` itself, is named ``module:Class``, or is made known
 by ``register``.
 
-A file never decides what is imported: it names a method by its name alone, and its choices are read
+A file never decides about imports: it names a method by its name alone, and its choices are read
 back by the class of the method that the run was resumed with.
 """
 
@@ -52,7 +52,7 @@ PRESETS = Presets()
 def reads_the_paper(method: Method) -> bool:
     """Return whether a method splits by the paper's stopping criterion, read literally.
 
-    What such a learner ends with is what is studied, so nothing takes its place.
+    The last tree of such a learner is the object of study, so nothing takes its place.
     """
     return bool(getattr(method, "reads_the_paper", False))
 
@@ -176,7 +176,7 @@ def checked_document(chosen: Method) -> dict[str, Any]:
 
 
 def from_document(document: Mapping[str, Any], *, kind: type[Method] | None = None) -> Method:
-    """Return the method that ``to_document`` wrote; what is missing has its default.
+    """Return the method that ``to_document`` wrote; a choice that is missing has its default.
 
     Args:
         document: Its name and choices.
@@ -275,7 +275,7 @@ def _loaded(name: str, found: list[EntryPoint]) -> type[Method]:
     """Return the class that an entry point names, under which it must be known itself.
 
     Raises:
-        InvalidArgumentError: There are several, or the one is not what it says.
+        InvalidArgumentError: There are several, or the one is no such method.
     """
     values = sorted({point.value for point in found})
     if len(values) > 1:
@@ -301,7 +301,7 @@ def restored(
     """Return the learner of a stored state.
 
     Raises:
-        FormatError: The state is not what the method declares, or no learner comes of it.
+        FormatError: The state is not as the method declares it, or no learner comes of it.
     """
     trusted = taken(path, state, method.declared(problem, start))
     try:
@@ -335,8 +335,8 @@ class Choice(NamedTuple):
 
     Attributes:
         name: Its name, with dots.
-        value: What is chosen, in JSON's types.
-        text: What it is for, as the docstring of its class says.
+        value: The choice, in JSON's types.
+        text: Its purpose, as the docstring of its class says.
     """
 
     name: str
@@ -380,7 +380,7 @@ def with_choices(method: Method, changes: Mapping[str, Any]) -> Method:
 
 
 def _in_words(error: InvalidArgumentError, document: Mapping[str, Any]) -> InvalidArgumentError:
-    """Return what is wrong with a value in the words of a user, where it is of another kind."""
+    """Return the error of a value in the words of a user, where it is of another kind."""
     found = _MISTAKEN.search(str(error))
     if found is None:
         return error
@@ -403,7 +403,7 @@ def _choices(prefix: str, part: Any, document: Mapping[str, Any]) -> Iterator[Ch
 
 
 def _texts(kind: type) -> dict[str, str]:
-    """Return what the docstrings of a class and its bases say of each attribute."""
+    """Return the text on each attribute in the docstrings of a class and its bases."""
     found = {"type": "Which of its kinds."}
     for one in reversed(kind.__mro__):
         _, _, attributes = inspect.cleandoc(one.__doc__ or "").partition("Attributes:\n")

@@ -101,7 +101,7 @@ class FittedTree:
         policy: The tree.
         settings: The choices of C4.5 that made it.
         correct: Share of the steps of each episode that a tree of the others decides as shown.
-        repairs: What was changed in the tree since, in words.
+        repairs: The changes of the tree since, in words.
     """
 
     policy: TreePolicy
@@ -134,7 +134,7 @@ def fitted_trees(
     """Return the different trees of these settings, each with its cross-validation.
 
     Args:
-        demonstrations: What was shown.
+        demonstrations: The episodes.
         settings: The choices of C4.5; of two that give the same tree the first one counts.
         histories: Numbers of previous observations.
     """
@@ -214,13 +214,13 @@ def start_of(
 
     Args:
         name: Which; None takes all that is given.
-        problem: What is learned.
+        problem: The task.
         demonstrations: Episodes of an expert, in the features of the problem.
         expert: The expert tree; fitted to the demonstrations if it is needed and not given.
         generator: Source of a random tree.
 
     Raises:
-        InvalidArgumentError: The start lacks what it needs.
+        InvalidArgumentError: The start lacks something that it needs.
     """
     if name is None:
         least = "nothing" if expert is None else "tree"
@@ -251,7 +251,7 @@ def random_tree(
     """Return a tree of ``RANDOM_LEAVES`` random cuts, or fewer, with random actions.
 
     Args:
-        problem: What is learned.
+        problem: The task.
         low: Smallest value of each feature, shape [d].
         high: Largest value of each feature, shape [d].
         generator: Source of the cuts and the actions.
@@ -279,7 +279,7 @@ def random_tree(
 
 
 def _box(problem: Problem, demonstrations: Demonstrations | None) -> tuple[Floats, Floats]:
-    """Return the range of each feature: what was seen, or else what is possible."""
+    """Return the range of each feature: the observed one, or else the possible one."""
     if demonstrations is not None and demonstrations.n_transitions:
         seen = demonstrations.observations
         return seen.min(axis=0), seen.max(axis=0)

@@ -1,14 +1,14 @@
 """Learn with a network, hand over a tree: a counted teacher, DAgger, imagined pruning, real races.
 
 1. *Teacher.* A Double DQN learns the task, demonstrations in its replay. Its steps are counted.
-   With ``learning_share`` it goes on learning from what trees do in the stages that follow.
-2. *DAgger* (Ross, Gordon and Bagnell 2011). Large trees act, the teacher says what it would do.
+   With ``learning_share`` it goes on learning from the trees' episodes in the stages that follow.
+2. *DAgger* (Ross, Gordon and Bagnell 2011). Large trees act, the teacher names its own actions.
 3. *Rounds*, as long as steps are left. An ensemble of networks is fitted to all transitions so far.
    CART makes trees of two and three times the leaves allowed from all labelled observations, plain
-   and weighted by what a wrong action costs (VIPER; Bastani et al. 2018), and each is pruned by
-   imagined returns. They race against the policy in real episodes; the teacher labels what the
-   rivals came to see, so the trees of the next round know more.
-4. *Last races.* With what is left of the steps the best trees of all rounds meet again.
+   and weighted by the cost of a wrong action (VIPER; Bastani et al. 2018), and each is pruned by
+   imagined returns. They race against the policy in real episodes; the teacher labels the
+   observations of the rivals, so the trees of the next round know more.
+4. *Last races.* With the rest of the steps the best trees of all rounds meet again.
 
 A race is made of ordinary episodes, in which the tree that runs decides, from starts that the
 learner numbers: all entrants run from the same ones.

@@ -184,7 +184,7 @@ class DistilledDQNLearner:
         return self.races.next_start()
 
     def observe(self, step: Step) -> None:
-        """Keep what came of an action."""
+        """Keep a step."""
         self._episode.add(step)
 
     def end_episode(self) -> None:
@@ -200,7 +200,7 @@ class DistilledDQNLearner:
 
     @property
     def stage_name(self) -> str:
-        """What is under way, in one or two words."""
+        """The name of the present stage, in one or two words."""
         return self.stage.name.lower().replace("_", " ")
 
     @property

@@ -84,7 +84,7 @@ class Experience:
 
     Args:
         n_features: Number of features of an observation.
-        demonstrations: What was shown.
+        demonstrations: The first episodes.
 
     Attributes:
         history: Their transitions.
@@ -143,7 +143,7 @@ class Experience:
 
 
 class Students:
-    """What a teacher says at observations, and trees that say the same.
+    """The actions of a teacher at observations, and trees that copy them.
 
     Args:
         action_values: The teacher's Q, from observations [N, d] to [N, A].
@@ -200,7 +200,7 @@ class Students:
         return from_decision_tree(tree, actions)
 
     def act(self, tree: ActionTree, observation: Floats, allowed: Booleans | None = None) -> int:
-        """Return what a tree does at an observation [d], among the actions allowed, [A]."""
+        """Return a tree's action at an observation [d], among those that are allowed, [A]."""
         action = int(tree.action[leaf_node(tree, 0, observation)])
         if allowed is None or allowed[action]:
             return action
@@ -236,7 +236,7 @@ class DAgger:
 
     Args:
         students: The teacher's labels, and trees that copy them.
-        experience: What the teacher and the trees lived through.
+        experience: The episodes of the teacher and of the trees.
         steps: Steps of all rounds together.
         tree: Who acts before the first round.
 
@@ -311,7 +311,7 @@ class NetworkTeacher:
 
     Args:
         method: How it learns, and how often before its first step.
-        problem: What is learned.
+        problem: The task.
         start: The demonstrations.
         history: They, stored.
         steps: Steps that it is going to learn from.
@@ -363,7 +363,7 @@ class NetworkTeacher:
         return self.policy.act(observation, allowed)
 
     def learn(self, history: History, generator: np.random.Generator) -> bool:
-        """Learn from the episodes that are new, whoever acted; return whether it still learns."""
+        """Learn from the episodes that are new, of any actor; return whether it still learns."""
         first = int(np.searchsorted(history.episodes, self.known))
         if self.updates and first >= self._last_row:  # at first there are demonstrations at least
             return False

@@ -1,4 +1,4 @@
-"""``u-tree``: the learner of Table 1, and what another way of cutting leaves has to be."""
+"""``u-tree``: the learner of Table 1, and the protocol of other ways to cut leaves."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Compiled step of a learner in the leaves of a tree: where it led, what it taught, what to do.
+"""Compiled step of a learner in the leaves of a tree: where it led, its lesson, the next action.
 
 The loops of :mod:`eutree.mdp._kernels_sweeping` and :mod:`eutree.trees._kernels` are compiled into
 these: after a change there, remove the cached machine code of these too (``__pycache__``).

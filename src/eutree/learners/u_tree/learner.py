@@ -1,7 +1,7 @@
 """The Continuous U-Tree: Table 1 of the paper, and nothing else.
 
-*Gathering.* ``act`` chooses an action for an observation, ``observe`` takes what came of it and
-updates Pr, R and Q (Eqs. 3 to 6), ``end_episode`` stores the transitions.
+*Gathering.* ``act`` chooses an action for an observation, ``observe`` takes its outcome and updates
+Pr, R and Q (Eqs. 3 to 6), ``end_episode`` stores the transitions.
 
 *Expansion.* ``update`` looks at each leaf for the cut across which the distributions of q (Eq. 2)
 differ most, splits where the difference is significant, and solves the MDP over the leaves.
@@ -58,13 +58,13 @@ from eutree.validation import check_integer, check_number
 
 @dataclass(frozen=True, kw_only=True)
 class Discretizer(MethodOfParts):
-    """What the learner of Table 1 asks of its method, beside the cut that a leaf deserves.
+    """The choices that the learner of Table 1 asks for, beside the cut that a leaf deserves.
 
     Attributes:
         discount: gamma of Eqs. 2 and 5.
         exploration: epsilon, the probability of a random action while gathering.
         gathering_episodes: Episodes of a data gathering phase, between two expansions.
-        target: What q of a transition is (Eq. 2).
+        target: How q of a transition is defined (Eq. 2).
         solve_each_split: Solve the MDP after every split, as Table 1 says, instead of once at the
             end of an expansion.
         solve_growth: Solve the MDP exactly only in an expansion to which the history has grown to
@@ -261,7 +261,7 @@ class UTree:
         return int(np.where(allowed, values, -np.inf).argmax())
 
     def observe(self, step: Step) -> None:
-        """Take what came of an action; update Pr, R and Q by prioritized sweeping (Eqs. 3 to 6)."""
+        """Take a step; update Pr, R and Q by prioritized sweeping (Eqs. 3 to 6)."""
         self._steps.add(step, self.method.backups)
 
     def end_episode(self) -> None:

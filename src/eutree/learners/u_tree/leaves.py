@@ -1,4 +1,4 @@
-"""What the learner of Table 1 keeps of its leaves: their targets, their counts, an episode.
+"""The memory of the learner of Table 1 on its leaves: their targets, their counts, an episode.
 
 The Continuous U-Tree cuts leaves by a test of returns, a kd-tree by density; both are the same
 learner. In an episode under way each step is one compiled call.
@@ -46,8 +46,8 @@ class OneStep(msgspec.Struct, frozen=True, tag=True):
 class LambdaReturn(msgspec.Struct, frozen=True, tag=True):
     """The lambda-return, cut at the first action that is not greedy (Watkins's Q(lambda)).
 
-    Through leaves that lump unlike observations together, a one-step target loses what an action
-    leads to two or three steps later; a return keeps it.
+    Through leaves that lump unlike observations together, a one-step target loses the outcome of an
+    action two or three steps later; a return keeps it.
 
     Attributes:
         decay: lambda, from 0 (one step) to 1 (the whole return up to the cut).
@@ -88,7 +88,7 @@ class LeafEpisode(NamedTuple):
 
 
 class LeafSteps:
-    """Takes steps into the MDP over the leaves, and knows the present leaf and what to do there.
+    """Takes steps into the MDP over the leaves, and knows the present leaf and its greedy action.
 
     Attributes:
         leaf: L(o) of the present observation.
