@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from eutree.arrays import Floats
 from eutree.errors import InvalidArgumentError
@@ -35,14 +35,13 @@ from eutree.learners.learner import Arrays, reached
 from eutree.policies import TreePolicy
 from eutree.trees import DecisionTree
 from eutree.validation import check_integer, check_vector
+from eutree_lab.parti_game._kernels_tiles import Tiles
 from eutree_lab.parti_game.cells import GOAL, Cells, goal_boxes
 from eutree_lab.parti_game.displacements import LearnedController
 from eutree_lab.parti_game.game import CUT_SHORT, GOES_ON, GameRules, PartiGame
 from eutree_lab.parti_game.outcomes import EXPERT, LOST, Outcomes, counted
 from eutree_lab.relabelling import relabelled
 from eutree_lab.root_box import root_box
-
-_TILES = ("means", "errors", "visits", "size")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -260,24 +259,19 @@ class PartiGameLearner:
         """Return all that is known between two episodes."""
         return arrays_of(self, _PARTS)
 
-    def _snapshot(self) -> tuple[Cells, Outcomes, bool, list[NDArray[Any]]]:
-        game, tiles = self.game, self._learned.tiles
-        copies = [getattr(tiles, name).copy() for name in _TILES]
-        return game.cells, game.own.copy(), game.exhausted, copies
+    def _snapshot(self) -> tuple[Cells, Outcomes, bool, Tiles]:
+        game, tiles = self.game, Tiles(*(array.copy() for array in self._learned.tiles))
+        return game.cells, game.own.copy(), game.exhausted, tiles
 
-    def _go_back(
-        self, cells: Cells, own: Outcomes, exhausted: bool, tiles: list[NDArray[Any]]
-    ) -> None:
-        for name, array in zip(_TILES, tiles, strict=True):
-            getattr(self._learned.tiles, name)[...] = array
+    def _go_back(self, cells: Cells, own: Outcomes, exhausted: bool, tiles: Tiles) -> None:
+        self._learned.tiles = tiles
         self.game.resume(cells, own, exhausted=exhausted)
 
     def _copy(self) -> PartiGame:
         """Return a game of its own that does as this one does now."""
         cells, own, _, tiles = self._snapshot()
         controller = LearnedController(cells.box[0], cells.span, self.n_actions)
-        for name, array in zip(_TILES, tiles, strict=True):
-            getattr(controller.tiles, name)[...] = array
+        controller.tiles = tiles
         return PartiGame(
             cells, controller, self.method.rules(), expert=self._expert,
             demonstrated=self.game.demonstrated, own=own,
