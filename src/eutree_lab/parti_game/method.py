@@ -260,7 +260,7 @@ class PartiGameLearner:
         return arrays_of(self, _PARTS)
 
     def _snapshot(self) -> tuple[Cells, Outcomes, bool, Tiles]:
-        game, tiles = self.game, Tiles(*(array.copy() for array in self._learned.tiles))
+        game, tiles = self.game, Tiles._make(array.copy() for array in self._learned.tiles)
         return game.cells, game.own.copy(), game.exhausted, tiles
 
     def _go_back(self, cells: Cells, own: Outcomes, exhausted: bool, tiles: Tiles) -> None:
