@@ -7,7 +7,7 @@
    CART makes trees of two and three times the leaves allowed from all labelled observations, plain
    and weighted by the cost of a wrong action (VIPER; Bastani et al. 2018), and each is pruned by
    imagined returns. They race against the policy in real episodes; the teacher labels the
-   observations of the rivals, so the trees of the next round know more.
+   observations of the challengers, so the trees of the next round know more.
 4. *Last races.* With the rest of the steps the best trees of all rounds meet again.
 
 A race is made of ordinary episodes, in which the tree that runs decides, from starts that the

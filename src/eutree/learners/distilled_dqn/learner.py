@@ -18,12 +18,13 @@ from eutree.learners.declared import (
 from eutree.learners.distilled_dqn.races import (
     ORIGINS,
     PRUNED,
-    Contender,
-    ContenderRaces,
-    ImaginedRivals,
-    packed_contenders,
+    RACED_TREE,
+    ImaginedChallengers,
+    RacedTree,
+    Races,
+    packed_raced,
     packed_trees,
-    unpacked_contenders,
+    unpacked_raced,
     unpacked_trees,
 )
 from eutree.learners.distilled_dqn.teaching import (
@@ -52,7 +53,7 @@ from eutree.world_model.action_trees import from_decision_tree, n_leaves, to_dec
 from eutree.world_model.ensemble import N_KINDS, Ensemble
 
 FEWEST_PRUNED = 2
-EPISODES_PER_RIVAL = 30  # that must be affordable for one more rival
+EPISODES_PER_CHALLENGER = 30  # that must be affordable for one more challenger
 MANY_EPISODES = 200  # affordable: enough for looks that are far apart
 LOOKS = (8, 20, 40, 72, 136)
 SHORT_LOOKS = (4, 10, 20, 40)
@@ -117,8 +118,8 @@ class DistilledDQNLearner:
         stage: Where it is.
         steps: Environment steps so far, demonstrations apart.
         dagger: DAgger's rounds.
-        rivals: The world model, and the trees that it speaks for.
-        races: The policy, and the trees that wanted its place.
+        challengers: The world model, and the trees that it speaks for.
+        races: The policy, and the trees that challenged it.
     """
 
     def __init__(self, method: DistilledDQNChoices, problem: Problem, start: Start) -> None:
@@ -147,10 +148,10 @@ class DistilledDQNLearner:
             tree = students.fit(history.observations, method.max_leaves, labels=history.actions)
         self.dagger = DAgger(students, experience, budget.dagger, tree)
         price = method.leaf_price * experience.typical_return
-        self.rivals = ImaginedRivals(
+        self.challengers = ImaginedChallengers(
             method.world_model, students, experience, problem.n_actions, method.max_leaves
         )
-        self.races = ContenderRaces(Contender(tree, "start"), experience, students, price)
+        self.races = Races(RacedTree(tree, "start"), experience, students, price)
         self._students = students
 
     @property
@@ -233,7 +234,7 @@ class DistilledDQNLearner:
 
     def model_trust(self) -> ModelTrust | None:
         """Return how the world model orders the trees that were really run; None without one."""
-        return self.rivals.trust(self.races.contenders)
+        return self.challengers.trust(self.races.trees)
 
     def _taught(self) -> Figures:
         """Go on to DAgger when the teacher has had its steps."""
@@ -258,20 +259,19 @@ class DistilledDQNLearner:
         return earned | {"labels": self.dagger.next_round(self.steps)}
 
     def _propose(self, generator: np.random.Generator) -> Figures:
-        """Make rivals of the policy, and let them race."""
+        """Make challengers of the policy, and let them race."""
         affordable = (self._budget.total - self.steps) / self._experience.mean_length
-        n_rivals = int(np.clip(affordable / EPISODES_PER_RIVAL, FEWEST_PRUNED, len(PRUNED)))
+        n_pruned = int(np.clip(affordable / EPISODES_PER_CHALLENGER, FEWEST_PRUNED, len(PRUNED)))
         races, known = self.races, self.races.best(ALL_TIME_BEST)
-        first = len(races.contenders)
-        races.contenders += self.rivals.make(n_rivals, generator)
-        self.rivals.imagine(races.contenders, races.policy, generator)
-        rivals = [*range(first, len(races.contenders)), *known]
-        races.begin(rivals, LOOKS if affordable > MANY_EPISODES else SHORT_LOOKS)
-        return {"rivals": len(rivals)}
+        first = len(races.trees)
+        races.trees += self.challengers.make(n_pruned, generator)
+        self.challengers.imagine(races.trees, races.policy, generator)
+        challengers = [*range(first, len(races.trees)), *known]
+        return races.begin(challengers, LOOKS if affordable > MANY_EPISODES else SHORT_LOOKS)
 
     def _raced(self, generator: np.random.Generator) -> Figures:
-        """Take the last episode as a heat of the race, and go on."""
-        facts = self.races.last_episode_was_heat()
+        """Take the last episode as one of the race, and go on."""
+        facts = self.races.take_last_episode()
         if not facts:
             return {}
         if self.races.is_run:
@@ -287,8 +287,7 @@ class DistilledDQNLearner:
         if self._budget.total - self.steps > self._budget.last or not best:
             return self._propose(generator)
         self.stage = Stage.LAST_RACE
-        self.races.begin(best, LOOKS)
-        return {"rivals": len(best)}
+        return self.races.begin(best, LOOKS)
 
     # Between two episodes.
 
@@ -315,9 +314,9 @@ def _are_numbers(found: Found) -> None:
         raise found.refuse("history_rewards", f"must begin with the {n_shown} demonstrated")
 
 
-def _are_contenders(found: Found) -> None:
-    if sum(found.state["contender_n_returns"].tolist()) != found.sizes["earned"]:
-        raise found.refuse("contender_n_returns", "must be as many as there are returns")
+def _are_raced(found: Found) -> None:
+    if sum(found.state[f"{RACED_TREE}n_returns"].tolist()) != found.sizes["earned"]:
+        raise found.refuse(f"{RACED_TREE}n_returns", "must be as many as there are returns")
 
 
 def _is_model(found: Found) -> None:
@@ -351,18 +350,18 @@ _TEACHER = Part(
     save=DoubleDQN.state,
     make=lambda learner, state: learner._teacher.take_back(state, learner.history),
 )
-_CONTENDERS = Part(
+_RACED_TREES = Part(
     {
-        "contender_returns": Stored("f8", ("earned",)),
-        "contender_n_returns": Stored("i8", "T", low=0, most="earned"),
-        "contender_origin": Stored("i8", "T", low=0, below=len(ORIGINS)),
-        "contender_imagined": Stored("f8", "T", nan=True),
+        f"{RACED_TREE}returns": Stored("f8", ("earned",)),
+        f"{RACED_TREE}n_returns": Stored("i8", "T", low=0, most="earned"),
+        f"{RACED_TREE}origin": Stored("i8", "T", low=0, below=len(ORIGINS)),
+        f"{RACED_TREE}imagined": Stored("f8", "T", nan=True),
     },
-    _are_contenders,
-    at="races.contenders",
-    prefix="contender_",
-    save=packed_contenders,
-    make=lambda _, state: unpacked_contenders(state),
+    _are_raced,
+    at="races.trees",
+    prefix=RACED_TREE,
+    save=packed_raced,
+    make=lambda _, state: unpacked_raced(state),
 )
 _STUDENT = packed_trees_part("student_", 1)._replace(
     at="dagger.tree",
@@ -387,10 +386,10 @@ _MODEL = Part(
     },
     _is_model,
     optional=True,  # before it is fitted
-    at="rivals.ensemble",
+    at="challengers.ensemble",
     prefix="model_",
     save=Ensemble.state,
-    make=lambda learner, state: learner.rivals.ensemble_of(state),
+    make=lambda learner, state: learner.challengers.ensemble_of(state),
 )
 _RACE = Part(
     {
@@ -402,7 +401,7 @@ _RACE = Part(
     _is_race,
     optional=True,
     at="races",
-    save=ContenderRaces.race_state,
+    save=Races.race_state,
     make=lambda learner, state: learner.races.take_back(state),
 )
 _NUMBERS_PART = Part(
@@ -413,6 +412,6 @@ _NUMBERS_PART = Part(
 def parts_of(start: Start) -> tuple[Part, ...]:
     """Return the parts of a learner's state; a teacher that was given is given again."""
     teacher = () if start.teacher is not None else (_TEACHER,)
-    contenders = packed_trees_part("contender_", "T"), _CONTENDERS
+    raced = packed_trees_part(RACED_TREE, "T"), _RACED_TREES
     history = history_parts("_experience.history")
-    return (*history, *teacher, *contenders, _NUMBERS_PART, _STUDENT, _MODEL, _RACE)
+    return (*history, *teacher, *raced, _NUMBERS_PART, _STUDENT, _MODEL, _RACE)
