@@ -48,8 +48,9 @@ def assert_under(figure: int, ceiling: int) -> None:
 def test_lines_of_source(package: str, ceiling: int) -> None:
     """Targets: 42,000 lines of the core, then 40,000; 10,000 of the lab.
 
-    Raised once, from 58,500: masks, kinds of features, derived features, monotone rules, taking
-    over, proofs of CartPole, and the zoo came in (docs/decisions/core-and-lab.md).
+    Raised twice, from 56,500 to 58,500 and to 63,000: masks, kinds of features, derived features,
+    monotone rules, taking over, proofs of CartPole, and the zoo came in. It has fallen since
+    (docs/decisions/core-and-lab.md).
     """
     assert_under(lines(files(package)), ceiling)
 
