@@ -22,6 +22,7 @@ from eutree.cli.main import run
 from eutree.errors import FormatError, InvalidArgumentError, RunFolderError, UnknownNameError
 from eutree.learners import METHODS, History, Needs, Part, Start, Stored, method, register
 from eutree.learners.declared import HISTORY_PART, MASKS_PART, SHOWN_PART, part, prefixed
+from eutree.learners.learner import MethodOfParts
 from eutree.learners.registry import GROUP, from_document, to_document
 from eutree.learners.registry import restored as restored_from
 from eutree.trees import DecisionTree
@@ -336,6 +337,21 @@ def test_a_method_without_gathering_episodes_is_refused_where_it_is_found(monkey
     message = r"^method 'short' \(.*Short\) lacks gathering_episodes, declared; see docs/your-own"
     with pytest.raises(InvalidArgumentError, match=message):
         register(Short)
+
+
+def test_a_method_of_parts_still_needs_a_start(monkeypatch):
+    monkeypatch.setattr(METHODS, "_known", {})
+
+    @dataclass(frozen=True)
+    class Startless(MethodOfParts):
+        name = "startless"
+        needs = Needs()
+        parts = ()
+
+        gathering_episodes: int = 1
+
+    with pytest.raises(InvalidArgumentError, match=r"^method 'startless' \(.*\) lacks start; see"):
+        register(Startless)
 
 
 @pytest.mark.parametrize("name", ["history", "update"])

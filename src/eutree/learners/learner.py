@@ -381,19 +381,16 @@ class Method(Protocol):
 
 
 class MethodOfParts:
-    """A method whose declaration is its parts, from which its learners are saved and restored.
+    """A method whose learners are saved and restored by the parts that it declares.
 
-    The ``state()`` of its learners is ``arrays_of(self, parts)``. They are given it back at a start
-    without demonstrations, which the stored history holds.
+    Their ``state()`` is ``arrays_of(self, parts)``; one at a start without demonstrations takes it.
     """
+
+    start: Callable[[Problem, Start], Any]
 
     @property
     def parts(self) -> tuple[Part, ...]:
         """The parts of a learner's state."""
-        raise NotImplementedError
-
-    def start(self, problem: Problem, start: Start) -> Any:
-        """Return a learner at its start."""
         raise NotImplementedError
 
     def restore(self, problem: Problem, start: Start, state: Arrays) -> Any:

@@ -413,7 +413,7 @@ class UTree:
         return arrays_of(self, self.method.parts)
 
     def counted(self, state: Arrays | None = None) -> TabularMDP:
-        """Return an MDP over the leaves that counts all that is stored, in a state of its own."""
+        """Return an MDP over the leaves that counts the history; its ``state()`` may be known."""
         counts = counted(self.history, self.tree.n_leaves, self.n_actions)
         mdp = TabularMDP(counts, self.method.discount, untried=self.method.untried_value)
         if state is not None:
