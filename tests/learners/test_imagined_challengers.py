@@ -1,8 +1,10 @@
 """Challengers that a world model proposes: how many are made, and of what."""
 
 import numpy as np
+import pytest
 
-from eutree.learners.distilled_dqn.races import PARTS, PRUNED, ImaginedChallengers
+from eutree.learners.distilled_dqn import races
+from eutree.learners.distilled_dqn.races import PARTS, RECIPES, ImaginedChallengers
 from eutree.learners.distilled_dqn.teaching import Experience, Students
 from eutree.world_model.action_trees import n_leaves
 from eutree.world_model.ensemble import EnsembleSettings
@@ -41,17 +43,42 @@ class Noted(Students):
         return super().fit(observations, max_leaves, weighted=weighted, labels=labels)
 
 
-def test_challengers_are_carts_tree_and_prunings_of_larger_ones():
-    settings = EnsembleSettings(members=2, hidden=16, batch=32, updates=300, more_updates=10)
+SETTINGS = EnsembleSettings(members=2, hidden=16, batch=32, updates=300, more_updates=10)
+
+
+def challengers_of(students: Students) -> ImaginedChallengers:
+    return ImaginedChallengers(SETTINGS, students, lived_through(), n_actions=2, max_leaves=LIMIT)
+
+
+def test_challengers_are_carts_trees_and_prunings_of_larger_ones():
     students = Noted()
-    challengers = ImaginedChallengers(
-        settings, students, lived_through(), n_actions=2, max_leaves=LIMIT
-    )
-    made = challengers.make(2, np.random.default_rng(0))
+    made = challengers_of(students).make(2, np.random.default_rng(0))
     whole = EPISODES * STEPS
     own = [(whole, n, False) for n in sorted({max(LIMIT // k, 2) for k in PARTS}, reverse=True)]
     assert len(own) > 1
-    assert [one.origin for one in made] == [*["cart"] * len(own), "pruned-weighted", "pruned"]
+    assert len(made) == len(own) + 2
+    assert [one.origin for one in made[: len(own)]] == ["cart"] * len(own)
+    assert {one.origin for one in made[len(own) :]} <= {"pruned", "pruned-weighted"}
     assert all(n_leaves(one.tree) <= LIMIT for one in made)
-    larger = [(whole, times * LIMIT, weighted) for times, weighted in PRUNED[:2]]
+    larger = [(whole, times * LIMIT, weighted) for times, weighted in RECIPES]
     assert students.asked == [*own, *larger]
+
+
+@pytest.mark.parametrize("good", RECIPES)
+def test_most_prunings_are_of_the_recipe_whose_trees_the_model_scores_best(good, monkeypatch):
+    """Each has one tree; where one recipe's is right and all others' never heat, that goes on."""
+    students, pruned = Noted(), []
+    rows = lived_through().history.observations
+    right = students.fit(rows, 2)
+    never = students.fit(rows, 2, labels=np.zeros(len(rows), dtype=np.int32))
+    larges = {}
+
+    def prune(large, rollouts, max_leaves, generator):
+        number = larges.setdefault(id(large), len(larges))  # the order in which they are asked for
+        pruned.append(RECIPES[number])
+        return (right if RECIPES[number] == good else never), 0.0
+
+    monkeypatch.setattr(races, "pruned_by_rollouts", prune)
+    made = challengers_of(students).make(3, np.random.default_rng(0))
+    assert pruned == [*RECIPES, good, good, good]
+    assert [one.tree is right for one in made[-3:]] == [True, True, True]

@@ -16,8 +16,8 @@ from eutree.learners.declared import (
     packed_trees_part,
 )
 from eutree.learners.distilled_dqn.races import (
+    MOST_PRUNED,
     ORIGINS,
-    PRUNED,
     RACED_TREE,
     ImaginedChallengers,
     RacedTree,
@@ -261,7 +261,7 @@ class DistilledDQNLearner:
     def _propose(self, generator: np.random.Generator) -> Figures:
         """Make challengers of the policy, and let them race."""
         affordable = (self._budget.total - self.steps) / self._experience.mean_length
-        n_pruned = int(np.clip(affordable / EPISODES_PER_CHALLENGER, FEWEST_PRUNED, len(PRUNED)))
+        n_pruned = int(np.clip(affordable / EPISODES_PER_CHALLENGER, FEWEST_PRUNED, MOST_PRUNED))
         races, known = self.races, self.races.best(ALL_TIME_BEST)
         first = len(races.trees)
         races.trees += self.challengers.make(n_pruned, generator)

@@ -8,7 +8,7 @@ of another tree that decides alike throughout are known and not run again.
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -110,8 +110,10 @@ def unpacked_trees(state: Mapping[str, NDArray[Any]]) -> list[ActionTree]:
 
 
 N_STARTS = 50  # first observations of imagined episodes
-# Several times the leaves allowed, and whether CART was weighted; the first are made first.
-PRUNED = ((3, True), (3, False), (2, False), (3, True), (3, False), (2, True))
+# Recipes of a tree to prune: its leaves, in those allowed, and whether CART is weighted.
+Recipe: TypeAlias = tuple[int, bool]
+RECIPES: tuple[Recipe, ...] = ((3, True), (3, False), (2, False), (2, True))
+MOST_PRUNED = 6  # trees that race
 PARTS = (1, 2, 4)  # of the leaves allowed: what CART's own trees have that race
 FEW_RETURNS = 4  # below which a tree's mean says nothing
 
@@ -149,19 +151,42 @@ class ImaginedChallengers:
         """Fit the model to all that is known; return CART's trees and ``n`` pruned ones."""
         data = self._experience.transitions(self._n_actions)
         if self.ensemble is None:
-            self.ensemble = fit_ensemble(data, self._settings, generator)
+            ensemble = fit_ensemble(data, self._settings, generator)
         else:
-            self.ensemble = self.ensemble.fitted_on(data, generator)
+            ensemble = self.ensemble.fitted_on(data, generator)
+        self.ensemble = ensemble
         observations = self._experience.history.observations
         sizes = sorted({max(self._max_leaves // part, 2) for part in PARTS}, reverse=True)
-        made = [RacedTree(self._students.fit(observations, n), "cart") for n in sizes]
-        for times, weighted in PRUNED[:n]:
-            leaves = times * self._max_leaves
-            large = self._students.fit(observations, leaves, weighted=weighted)
-            rollouts = EnsembleRollouts(self.ensemble, N_STARTS, generator)
-            tree, score = pruned_by_rollouts(large, rollouts, self._max_leaves, generator)
-            made.append(RacedTree(tree, "pruned-weighted" if weighted else "pruned", score))
-        return made
+        made = [RacedTree(self._students.fit(observations, size), "cart") for size in sizes]
+        judge = EnsembleRollouts(ensemble, N_STARTS, generator)
+        judge.run(made[0].tree)
+        return made + self._pruned(n, ensemble, judge, generator)
+
+    def _pruned(
+        self, n: int, ensemble: Ensemble, judge: EnsembleRollouts, generator: np.random.Generator
+    ) -> list[RacedTree]:
+        """Return the ``n`` pruned trees that the judge scores best, of four more.
+
+        Recipes differ from run to run by more than the trees of one recipe do, and the model tells
+        recipes apart where it cannot tell such trees apart. So each has a tree, and the others are
+        of the recipe whose trees score best in imagined episodes that have chosen none of them.
+        """
+        made: list[tuple[float, RacedTree]] = []
+        large: dict[Recipe, ActionTree] = {}
+        scores: dict[Recipe, list[float]] = {recipe: [] for recipe in RECIPES}
+        while len(made) < len(RECIPES) + n:
+            recipe = max(RECIPES, key=lambda one: np.mean(scores[one]) if scores[one] else np.inf)
+            times, weighted = recipe
+            if recipe not in large:
+                rows, leaves = self._experience.history.observations, times * self._max_leaves
+                large[recipe] = self._students.fit(rows, leaves, weighted=weighted)
+            rollouts = EnsembleRollouts(ensemble, N_STARTS, generator)
+            tree, own = pruned_by_rollouts(large[recipe], rollouts, self._max_leaves, generator)
+            scores[recipe].append(judge.score(judge.returns_of(tree)))
+            one = RacedTree(tree, "pruned-weighted" if weighted else "pruned", own)
+            made.append((scores[recipe][-1], one))
+        made.sort(key=lambda one: -one[0])
+        return [tree for _, tree in made[:n]]
 
     def imagine(
         self, raced: Sequence[RacedTree], policy: ActionTree, generator: np.random.Generator
