@@ -8,7 +8,8 @@ commit and the date of the code that it ran on, and the files that decide them.
     python docs/results/provenance.py --stamp PAGE   # after its command was run by hand
 
 A page whose sources have changed since its commit is not wrong, but nobody has looked. Scripts
-write pages without the lines; ``--renew`` and ``--stamp`` put them back, of the present commit.
+write pages without the lines; ``--renew`` and ``--stamp`` put them back, of the present commit, and
+wrap the prose.
 """
 
 import argparse
@@ -19,6 +20,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
+from wrapping import wrapped
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = Path("docs/results")
@@ -129,7 +133,8 @@ def stamp(name: str, root: Path = ROOT) -> None:
     text = path.read_text(encoding="utf-8")
     if text.startswith(RULE):
         text = text.split(f"{RULE}\n", 2)[2].lstrip("\n")
-    path.write_text(f"{Provenance.of(committed).now(root)}\n{text}", encoding="utf-8")
+    text = f"{Provenance.of(committed).now(root)}\n{wrapped(text)}"
+    path.write_text(text, encoding="utf-8")
 
 
 def _git(root: Path, *arguments: str) -> str:

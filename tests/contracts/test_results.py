@@ -107,6 +107,14 @@ def test_stamping_gives_a_rewritten_page_its_lines_back_with_the_present_commit(
     assert page.read_text() == once
 
 
+def test_stamping_wraps_what_a_script_has_written_in_long_lines(repository):
+    page = repository / "docs" / "results" / "old.md"
+    page.write_text(f"# Title\n\n{'figures ' * 30}\n")
+    provenance.stamp("old", repository)
+    assert max(map(len, page.read_text().splitlines())) <= 100
+    assert page.read_text().count("figures") == 30
+
+
 def test_a_page_without_the_lines_is_refused():
     with pytest.raises(ValueError, match="must begin with '---'"):
         provenance.Provenance.of("# Title\n")
