@@ -16,7 +16,9 @@ from sphinx.util.nodes import nested_parse_with_titles
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "src"))
-sys.path[:0] = [str(ROOT / "docs" / name) for name in ("pictures", "notebooks", "results")]
+sys.path[:0] = [
+    str(ROOT / "docs" / name) for name in ("pictures", "notebooks", "results", "reference")
+]
 
 # What a package loads when it is asked for (``eutree.lazy``) is on its page, too.
 for _name in ("c45", "evaluation", "learners", "recording", "world_model"):
@@ -149,6 +151,31 @@ class SettingsTable(SphinxDirective):
         return container.children
 
 
+class MessagesTable(SphinxDirective):
+    """``{messages} FAMILY``: each sentence of a family of refusals, as its source has it."""
+
+    required_arguments = 1
+
+    def run(self) -> list[nodes.Node]:
+        """Return a list for each package, folded: the page is for looking up, not for reading."""
+        from said import packages
+
+        found = packages(self.arguments[0])
+        if sum(map(len, found.values())) <= 40:
+            found = {"": sorted({text for texts in found.values() for text in texts})}
+        return [node for package, texts in found.items() for node in _folded(package, texts)]
+
+
+def _folded(package: str, texts: list[str]) -> Iterator[nodes.Node]:
+    head = f"<code>{package}</code>: {len(texts)}" if package else f"all {len(texts)}"
+    listed = nodes.bullet_list("", classes=["messages"])
+    for text in texts:
+        listed += nodes.list_item("", nodes.paragraph("", "", nodes.literal("", text)))
+    yield nodes.raw("", f"<details><summary>{head}</summary>", format="html")
+    yield listed
+    yield nodes.raw("", "</details>", format="html")
+
+
 def say_where_figures_come_from(app: Sphinx, name: str, source: list[str]) -> None:
     """Put command, commit and date of a page of figures below its title."""
     from provenance import Provenance
@@ -199,4 +226,5 @@ def setup(app: Sphinx) -> None:
     app.add_directive("resultstable", ResultsTable)
     app.add_directive("presetstable", PresetsTable)
     app.add_directive("settingstable", SettingsTable)
+    app.add_directive("messages", MessagesTable)
     app.connect("source-read", say_where_figures_come_from)
