@@ -3,6 +3,7 @@
 import importlib
 import inspect
 import json
+import re
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -66,6 +67,10 @@ html_show_sphinx = False
 html_copy_source = False
 html_static_path = ["static"]
 html_css_files = ["pages.css"]
+
+
+WHOLE = 24  # characters of a word of code that fits on a phone
+DATE = re.compile(r"(\d{4}-\d\d-\d\d)")
 
 
 class Card(SphinxDirective):
@@ -188,6 +193,28 @@ def say_where_figures_come_from(app: Sphinx, name: str, source: list[str]) -> No
     source[0] = f"{title}\n\n{line}\n{rest}"
 
 
+def keep_words_whole(app: Sphinx, doctree: nodes.document) -> None:
+    """Mark what a browser would break at a hyphen: options in code, and dates in tables."""
+    for code in doctree.findall(nodes.literal):
+        if max(map(len, code.astext().split()), default=0) <= WHOLE:
+            code["classes"].append("whole")
+    for text in list(doctree.findall(nodes.Text)):
+        parts = DATE.split(text)
+        if len(parts) > 1 and isinstance(text.parent, nodes.paragraph) and _in_table(text):
+            kept = (
+                nodes.inline("", part, classes=["whole"]) if k % 2 else nodes.Text(part)
+                for k, part in enumerate(parts)
+                if part
+            )
+            text.parent.replace(text, list(kept))
+
+
+def _in_table(node: nodes.Node) -> bool:
+    while node is not None and not isinstance(node, nodes.entry):
+        node = node.parent
+    return node is not None
+
+
 class CommandHelp(SphinxDirective):
     """``{commandhelp}``: what ``--help`` prints, for every command of the command line."""
 
@@ -228,3 +255,4 @@ def setup(app: Sphinx) -> None:
     app.add_directive("settingstable", SettingsTable)
     app.add_directive("messages", MessagesTable)
     app.connect("source-read", say_where_figures_come_from)
+    app.connect("doctree-read", keep_words_whole)
