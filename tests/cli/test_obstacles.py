@@ -1,5 +1,6 @@
 """A full disk, a read-only folder, a missing permission: one line, and earlier data intact."""
 
+import json
 import os
 import subprocess
 import sys
@@ -27,32 +28,54 @@ COMMANDS = {
     "demos export": ("demos", "export", "{demos}", "{place}/demos.csv"),
 }
 
-# The command line as a user whom permissions bind: root gives up the right to pass over them, which
-# takes effect in the program that it becomes.
+# Python as a user whom permissions bind: root gives up the right to pass over them, which takes
+# effect in the program that it becomes.
 BOUND = """
 import ctypes, os, sys
 PR_CAPBSET_DROP, CAP_DAC_OVERRIDE, CAP_DAC_READ_SEARCH = 24, 1, 2
 if os.geteuid() == 0:
     for capability in (CAP_DAC_OVERRIDE, CAP_DAC_READ_SEARCH):
         ctypes.CDLL(None).prctl(PR_CAPBSET_DROP, capability)
-os.execv(sys.executable, [sys.executable, "-m", "eutree", *sys.argv[1:]])
+os.execv(sys.executable, [sys.executable, *sys.argv[1:]])
 """
-AS_ONESELF = "from eutree.__main__ import main; main()"
 
 
-def call(line, code=AS_ONESELF, **names):
-    """Run a command line in a process of its own; return its exit code and standard error."""
-    arguments = [part.format(**names) for part in line]
+def call(*words):
+    """Run Python in a process of its own; return what it has done."""
     environment = {**os.environ, "PYTHONPATH": SOURCE, "PYTHONDONTWRITEBYTECODE": "1"}
-    process = subprocess.run(
-        [sys.executable, "-c", code, *arguments],
-        capture_output=True,
-        text=True,
-        env=environment,
-        timeout=ENOUGH,
-        check=False,
-    )
-    return process.returncode, process.stderr
+    return subprocess.run(
+        [sys.executable, *words],
+        capture_output=True, text=True, env=environment, timeout=ENOUGH, check=False,
+    )  # fmt: skip
+
+
+def command(line, *before, **names):
+    """Run a command line in a process of its own; return its exit code and standard error."""
+    done = call(*before, "-m", "eutree", *(part.format(**names) for part in line))
+    return done.returncode, done.stderr
+
+
+EACH = """
+import io, json, sys
+from contextlib import redirect_stderr, redirect_stdout
+from eutree.cli.main import run
+said = {}
+for name, line in json.loads(sys.argv[1]).items():
+    with redirect_stderr(io.StringIO()) as err, redirect_stdout(io.StringIO()):
+        code = run(line)
+    said[name] = code, err.getvalue()
+print(json.dumps(said))
+"""
+
+
+def each_command(*before, **names):
+    """Run all commands, one after the other in one process; yield exit code and standard error."""
+    lines = {name: [part.format(**names) for part in line] for name, line in COMMANDS.items()}
+    done = call(*before, "-c", EACH, json.dumps(lines))
+    assert done.returncode == 0, done.stderr
+    said = json.loads(done.stdout)
+    assert list(said) == list(COMMANDS)
+    yield from said.values()
 
 
 def contents(folder):
@@ -65,19 +88,19 @@ def contents(folder):
 
 
 @pytest.mark.promise(10)
-@pytest.mark.parametrize("name", COMMANDS)
-def test_a_read_only_folder_gives_one_line(name, tmp_path, demonstrations, expert):
+def test_a_read_only_folder_gives_one_line(tmp_path, demonstrations, expert):
     place = tmp_path / "place"
     place.mkdir()
     (place / "tree.c").write_text("earlier")
     place.chmod(0o555)
-    code, err = call(COMMANDS[name], BOUND, demos=demonstrations, expert=expert, place=place)
-    lines = [line for line in err.splitlines() if line.startswith("error: ")]
-    assert code == 2, err
-    assert lines == err.splitlines()[-1:]
-    assert str(place) in lines[0]
-    assert "no permission; choose another folder or change its permissions" in lines[0]
-    assert "Traceback" not in err
+    names = {"demos": demonstrations, "expert": expert, "place": place}
+    for code, err in each_command("-c", BOUND, **names):
+        lines = [line for line in err.splitlines() if line.startswith("error: ")]
+        assert code == 2, err
+        assert lines == err.splitlines()[-1:]
+        assert str(place) in lines[0]
+        assert "no permission; choose another folder or change its permissions" in lines[0]
+        assert "Traceback" not in err
     assert [path.name for path in place.iterdir()] == ["tree.c"]
     assert (place / "tree.c").read_text() == "earlier"
 
@@ -86,10 +109,10 @@ def test_a_read_only_folder_gives_one_line(name, tmp_path, demonstrations, exper
 @pytest.mark.promise(10)
 def test_a_run_that_one_may_not_write_stays_as_it_is(tmp_path, demonstrations):
     names = {"demos": demonstrations, "place": tmp_path}
-    assert call(COMMANDS["learn"], **names)[0] == 0
+    assert command(COMMANDS["learn"], **names)[0] == 0
     before = contents(tmp_path / "run")
     (tmp_path / "run").chmod(0o555)
-    code, err = call((*COMMANDS["learn"], "--resume"), BOUND, **names)
+    code, err = command((*COMMANDS["learn"], "--resume"), "-c", BOUND, **names)
     assert code == 2
     assert err.splitlines()[-1].startswith("error: cannot write")
     assert "no permission" in err
@@ -146,15 +169,15 @@ def fill(place):
 
 
 @pytest.mark.promise(10)
-@pytest.mark.parametrize("name", COMMANDS)
-def test_a_full_disk_gives_one_line(name, small_disk, demonstrations, expert):
+def test_a_full_disk_gives_one_line(small_disk, demonstrations, expert):
     (small_disk / "tree.c").write_text("earlier")
     fill(small_disk)
-    code, err = call(COMMANDS[name], demos=demonstrations, expert=expert, place=small_disk)
-    assert code == 2, err
-    lines = [line for line in err.splitlines() if line.startswith("error: ")]
-    assert lines == err.splitlines()[-1:]
-    assert "the disk is full; what was there before is intact" in lines[0]
+    names = {"demos": demonstrations, "expert": expert, "place": small_disk}
+    for code, err in each_command(**names):
+        assert code == 2, err
+        lines = [line for line in err.splitlines() if line.startswith("error: ")]
+        assert lines == err.splitlines()[-1:]
+        assert "the disk is full; what was there before is intact" in lines[0]
     assert (small_disk / "tree.c").read_text() == "earlier"
     left = {path.name for path in small_disk.rglob("*")} - {"run"}
     assert left <= {"tree.c", "filling", ".lock", "config.json"}
@@ -166,17 +189,17 @@ def test_a_disk_that_fills_up_during_a_run_leaves_a_run_that_goes_on(
     small_disk, demonstrations, tmp_path
 ):
     names = {"demos": demonstrations, "expert": None}
-    assert call(COMMANDS["learn"], place=small_disk, **names)[0] == 0
+    assert command(COMMANDS["learn"], place=small_disk, **names)[0] == 0
     before = contents(small_disk / "run")
     fill(small_disk)
     longer = ("learn", "--demos", "{demos}", "--episodes", "6", "--evaluation-episodes", "2")
-    code, err = call((*longer, "--out", "{place}/run", "--resume"), place=small_disk, **names)
+    code, err = command((*longer, "--out", "{place}/run", "--resume"), place=small_disk, **names)
     assert code == 2
     assert "the disk is full" in err.splitlines()[-1]
     assert contents(small_disk / "run") == before
     (small_disk / "filling").unlink()
     for place in (small_disk, tmp_path):
-        code, err = call((*longer, "--out", "{place}/run", "--resume"), place=place, **names)
+        code, err = command((*longer, "--out", "{place}/run", "--resume"), place=place, **names)
         assert code == 0, err
     for path in ("policy.json", "curve.csv"):
         assert (small_disk / "run" / path).read_text().count("\n") > 2

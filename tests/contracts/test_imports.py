@@ -5,9 +5,8 @@ import importlib.util
 import os
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
-
-import pytest
 
 from tests.patience import ENOUGH
 
@@ -42,10 +41,14 @@ def run(code: str) -> str:
     ).stdout
 
 
+@cache
+def loaded(package: str) -> set[str]:
+    """Return the modules that a fresh interpreter has loaded with a package."""
+    return set(run(f"import sys, {package}; print(*sys.modules)").split())
+
+
 def test_import_loads_no_heavy_package() -> None:
-    heavy = run(f"import sys, eutree; print(sorted({HEAVY!r} & sys.modules.keys()))")
-    gymnasium = run(f"import sys, gymnasium; print(sorted({HEAVY!r} & sys.modules.keys()))")
-    assert heavy == gymnasium
+    assert HEAVY & loaded("eutree") == HEAVY & loaded("gymnasium")
 
 
 def test_help_loads_no_heavy_package() -> None:
@@ -56,33 +59,22 @@ def test_help_loads_no_heavy_package() -> None:
     assert run(code).splitlines()[-1] == "[]"
 
 
-@pytest.mark.parametrize(
-    "command",
-    [
-        "['show', POLICY]",
-        "['export', POLICY, '--format', 'c']",
-        "['diff', POLICY, POLICY]",
-        "['zoo']",
-    ],
-    ids=["show", "export", "diff", "zoo"],
-)
-def test_commands_that_only_read_a_tree_load_no_compiler(command: str) -> None:
-    policy = ROOT / "src/eutree/zoo/trees/MountainCar-v0-4.json"
+def test_commands_that_only_read_a_tree_load_no_compiler() -> None:
+    policy = str(ROOT / "src/eutree/zoo/trees/MountainCar-v0-4.json")
+    reading = [["show", policy], ["export", policy, "--format", "c"], ["diff", policy, policy]]
     code = (
-        f"import sys\nfrom eutree.cli.main import run\nPOLICY = {str(policy)!r}\n"
-        f"code = run({command})\nprint()\n"
-        "print(code, [m for m in 'numba joblib scipy sklearn'.split() if m in sys.modules])"
+        f"import sys\nfrom eutree.cli.main import run\nfor command in {[*reading, ['zoo']]!r}:\n"
+        "    code = run(command)\n    print()\n"
+        "    loaded = [m for m in 'numba joblib scipy sklearn'.split() if m in sys.modules]\n"
+        "    print('after', command[0], code, loaded)\n"
     )
-    assert run(code).splitlines()[-1] == "0 []"
+    after = [line for line in run(code).splitlines() if line.startswith("after ")]
+    assert after == [f"after {name} 0 []" for name in ("show", "export", "diff", "zoo")]
 
 
 def test_import_loads_little_more_than_gymnasium() -> None:
     """350 modules beside 303: counted, because a time depends on who else uses the machine."""
-
-    def modules(package: str) -> int:
-        return int(run(f"import sys, {package}; print(len(sys.modules))"))
-
-    assert modules("eutree") < 1.25 * modules("gymnasium")
+    assert len(loaded("eutree")) < 1.25 * len(loaded("gymnasium"))
 
 
 def test_what_benchmarks_pages_and_examples_import_is_there() -> None:
