@@ -87,10 +87,18 @@ class Person:
         self.page.wait_for_timeout(seconds * 1000.0)
         return self
 
+    def look_on(self, screen) -> "Person":
+        """Give the page another size, and wait until it is drawn."""
+        (width, height), _ = SCREENS[screen]
+        self.page.set_viewport_size({"width": width, "height": height})
+        self.page.evaluate(DRAWN)
+        return self
+
     def data(self, name) -> str:
         return self.page.locator("body").get_attribute(f"data-{name}")
 
 
+DRAWN = "() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
 PHONE = {"has_touch": True, "is_mobile": True}
 SCREENS = {
     "desk": ((1180, 800), {}),
