@@ -1,6 +1,7 @@
 """Choices of a method within reach: by name, from a file, and listed."""
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -83,6 +84,26 @@ arguments = { action_grid = { "torque [N m]" = [-2.0, 0.0, 2.0] } }
 @pytest.mark.parametrize("path", sorted((Path(zoo.__file__).parent / "settings").glob("*.toml")))
 def test_settings_of_the_zoo_are_read(path):
     assert RunSettings.of(path).demonstrations > 0
+
+
+def test_settings_say_which_task_they_are_of(tmp_path, capsys):
+    out = ("--out", str(tmp_path / "run"))
+    for name in ("CartPole-v1", "Pendulum-v1"):
+        assert run(["learn", "MountainCar-v0", "--settings", f"zoo:{name}", *out]) == 2
+        assert f"the settings are of {name}, not of MountainCar-v0" in capsys.readouterr().err
+    assert run(["learn", "--settings", "MountainCar-v0", *out]) == 2
+    assert "those of the zoo are --settings zoo:MountainCar-v0" in capsys.readouterr().err
+
+
+def test_settings_of_the_zoo_name_their_task_and_what_a_run_takes(tmp_path, capsys):
+    out = ("--out", str(tmp_path / "run"), "--max-leaves", "4", "--judge-episodes", "0")
+    line = ["learn", "--settings", "zoo:eutree/Evasion2-v0", *out]
+    assert run([*line, "--steps", "50", "--evaluation-episodes", "1"]) == 0
+    config = json.loads((tmp_path / "run" / "config.json").read_text())
+    assert config["environment"].startswith("eutree/Evasion2-v0")
+    words, err = capsys.readouterr()
+    assert "race_steps is 20 of the 50 steps, by the race_share of the settings" in err
+    assert re.search(r"; \d+ steps counted, \d+ of them in demonstrations;", words)
 
 
 def test_the_list_says_what_to_turn_first(capsys):

@@ -4,6 +4,7 @@ import tomllib
 from importlib import import_module
 from pathlib import Path
 
+import gymnasium
 import pytest
 
 import eutree
@@ -76,6 +77,32 @@ def test_an_unknown_tree_names_the_nearest() -> None:
         zoo.load("MountainCar-v0:many")
     with pytest.raises(UnknownNameError, match="task with settings"):
         zoo.settings_of("Unheard-v0")
+    for name in (None, 3):
+        with pytest.raises(InvalidArgumentError, match=f"tree of the zoo, got {name}"):
+            zoo.load(name)  # type: ignore[arg-type]
+
+
+def test_a_task_of_the_examples_names_the_module_that_registers_it(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    for name in ("TwoTanks-v0", "Inventory-v0"):
+        monkeypatch.delitem(gymnasium.registry, name, raising=False)
+    tanks, stock = "--import examples.two_tanks", "--import examples.inventory"
+    learn = ["learn", "--settings", "zoo:TwoTanks-v0", "--out", str(tmp_path / "run")]
+    for line in (["evaluate", "zoo:TwoTanks-v0"], ["prove", "zoo:TwoTanks-v0"], learn):
+        assert run(line) == 2
+        assert f"in a clone of it, {tanks}" in capsys.readouterr().err
+    assert run(["show", "zoo:Inventory-v0", "--html", str(tmp_path / "a.html")]) == 0
+    assert stock in capsys.readouterr().err
+    assert run(["evaluate", "zoo:Inventory-v0", "--import", "examples.of_no_clone"]) == 2
+    assert "in a clone of the repository" in capsys.readouterr().err
+
+
+def test_a_tree_of_the_zoo_is_no_environment(capsys: pytest.CaptureFixture[str]) -> None:
+    record = ["record", "zoo:CartPole-v1:4", "--expert", "fall"]
+    for line in (["learn", "zoo:CartPole-v1"], record):
+        assert run([*line, "--out", "nowhere"]) == 2
+        assert "is a tree of the zoo; its task is CartPole-v1" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("path", SETTINGS, ids=lambda path: path.stem)
@@ -83,8 +110,9 @@ def test_settings_are_choices_of_a_method_and_a_run(path: Path) -> None:
     document = tomllib.loads(path.read_text())
     of_run = document.pop("run")
     assert with_choices(method(document.pop("method")), document) is not None
-    assert of_run.keys() - {"arguments"} == {"expert", "demonstrations", "race_share"}
+    assert of_run.keys() - {"arguments"} == {"task", "expert", "demonstrations", "race_share"}
     task = path.stem.replace("eutree-", "eutree/")
+    assert of_run["task"] == task
     assert zoo.settings_of(task) == path
     assert ":" in of_run["expert"] or of_run["expert"] in EXPERTS[task]
 

@@ -17,8 +17,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import click
 
 from eutree.cli._options import Helped, Written, look_in_this_folder
+from eutree.cli._output import say
 from eutree.cli._policies import in_zoo, is_own
-from eutree.errors import FormatError, InvalidArgumentError
+from eutree.errors import FileError, FormatError, InvalidArgumentError
 from eutree.files import Document, read_bytes, read_document, write_document
 
 if TYPE_CHECKING:
@@ -202,12 +203,14 @@ class RunSettings:
     """How a run goes that settings are known to work for: the table ``[run]`` of their file.
 
     Attributes:
+        task: Id of the environment that they are for; "" where they do not say it.
         expert: Who demonstrates where no demonstrations are given; None for nobody.
         demonstrations: The number of its episodes.
         race_share: Share of ``--steps`` that racing takes where no ``--race-steps`` are given.
         arguments: Of the environment, where neither the user nor demonstrations say otherwise.
     """
 
+    task: str = ""
     expert: str | None = None
     demonstrations: int = 0
     race_share: float = 0.0
@@ -237,12 +240,23 @@ class RunSettings:
 
         if self.expert is None:
             return None
-        shows = controller(self.expert, "expert", spec)
-        return record(make(spec), shows, episodes=self.demonstrations, seed=seed)
+        try:
+            env = make(spec)
+            shows = controller(self.expert, "expert", spec)
+        except InvalidArgumentError as error:
+            if self.task in ("", spec.id.rpartition(":")[2]):
+                raise
+            raise InvalidArgumentError(
+                f"the settings are of {self.task}, not of {spec.id}: {error}"
+            ) from error
+        return record(env, shows, episodes=self.demonstrations, seed=seed)
 
     def race_steps(self, steps: int | None) -> int:
         """Return the steps of racing in a run of so many; none where no steps are named."""
-        return int(self.race_share * (steps or 0))
+        racing = int(self.race_share * (steps or 0))
+        if racing:
+            say(f"race_steps is {racing} of the {steps} steps, by the race_share of the settings")
+        return racing
 
 
 def chosen_method(
@@ -313,10 +327,12 @@ def _pair(text: str) -> tuple[str, Any]:
 
 def _read(path: Path) -> dict[str, Any]:
     """Return the content of a TOML file, or of the JSON file of a run's configuration."""
-    if in_zoo(path):
-        from eutree.zoo import settings_of
+    from eutree.zoo import settings_of, tasks
 
+    if in_zoo(path):
         path = settings_of(str(path))
+    elif str(path) in tasks() and not path.exists():
+        raise FileError("read", path, f"no such file; those of the zoo are --settings zoo:{path}")
     data = read_bytes(path, limit=_MOST)
     try:
         if path.suffix == ".json":

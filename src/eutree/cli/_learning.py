@@ -122,19 +122,23 @@ def in_words(result: "LearningResult", out: Path, *, recorded: int | None) -> st
     experience = f"{counted(result.episodes, 'episode')}, {counted(result.steps, 'step')}"
     if recorded is not None:
         experience = f"{counted(recorded, 'recorded episode')}, none of its own"
-    racing = result.environment_steps.racing
-    raced = f" and {racing} of racing" if racing else ""
+    counts = result.environment_steps
+    raced = f" and {counts.racing} of racing" if counts.racing else ""
     if result.evaluation_episodes:
         raced += f", {counted(result.evaluation_episodes, 'more episode')} of evaluation"
+    if counts.total and recorded is None:
+        raced += (
+            f"; {counts.total} steps counted, {counts.demonstrations} of them in demonstrations"
+        )
     words = f"{result.method.name} from {result.start}: {experience}{raced}; {last}"
     words += _against_start(result)
     if result.against_fit is not None:
         words += f"; {result.against_fit.describe()}"
     if result.model_trust is not None:
         words += f"; {result.model_trust.describe()}"
-    if result.environment_steps.declared:
+    if counts.declared:
         words += (
-            f"; its teacher was trained in {counted(result.environment_steps.declared, 'step')}, "
+            f"; its teacher was trained in {counted(counts.declared, 'step')}, "
             "as declared, which are not among these"
         )
     judgement = result.against_start

@@ -448,7 +448,8 @@ def _import_module(context: click.Context, parameter: click.Parameter, name: str
     try:
         importlib.import_module(name)
     except ImportError as error:
-        raise click.BadParameter(f"cannot import {name!r}: {error}") from error
+        example = name.startswith("examples.") and "; the examples are in a clone of the repository"
+        raise click.BadParameter(f"cannot import {name!r}: {error}{example or ''}") from error
     except KeyboardInterrupt:
         raise
     except BaseException as error:

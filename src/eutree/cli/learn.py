@@ -158,7 +158,7 @@ def learn(
 ) -> Result:
     """Learn a policy in ENVIRONMENT and write it, with all that led to it, to a run folder.
 
-    Without ENVIRONMENT it is the one that the demonstrations are of.
+    Without ENVIRONMENT it is the one that the demonstrations, or else the settings, are of.
     """
     from eutree.interaction.making import make
     from eutree.policies import TreePolicy
@@ -181,7 +181,7 @@ def learn(
     if offline and against is not None:
         raise InvalidArgumentError("--against needs an environment to act in; leave out --offline")
     of_run = RunSettings.of(settings)
-    spec = None if offline else _spec(environment, demonstrations, env_arguments, of_run.arguments)
+    spec = None if offline else _spec(environment, demonstrations, env_arguments, of_run)
     rival = None if spec is None or against is None else controller(against, "--against", spec)
     if demonstrations is None and expert is None and spec is not None:
         demonstrations = of_run.shown(spec, options["seed"])
@@ -285,17 +285,20 @@ def _spec(
     environment: str | None,
     demonstrations: "Demonstrations | None",
     arguments: dict[str, Any],
-    usual: dict[str, Any],
+    of_run: RunSettings,
 ) -> EnvironmentSpec:
-    """Return the environment that is named, or else that of the demonstrations.
+    """Return the environment that is named, else that of the demonstrations, or of the settings.
 
     How the named one is observed and acted in is taken from the demonstrations of it, or else from
     the usual arguments of the settings.
     """
     from eutree.interaction.making import MANNER
 
+    usual = of_run.arguments
     chosen = chosen_by_file(arguments) | (usual.keys() - arguments.keys())
     shown = demonstrations.environment if demonstrations is not None else None
+    if shown is None:
+        environment = environment or of_run.task or None
     if environment is not None:
         manner = {}
         if shown is not None and shown.id.rpartition(":")[2] == environment.rpartition(":")[2]:

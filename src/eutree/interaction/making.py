@@ -32,6 +32,7 @@ from eutree.interaction.decoding import DECODE, ONE_HOT, DecodedObservation, dec
 from eutree.interaction.names import Names, given_names, named
 from eutree.parallel import Workers
 from eutree.schema import EnvironmentSpec
+from eutree.zoo import PREFIX, cards
 
 _FOLDERS: "WeakKeyDictionary[gymnasium.Env[Any, Any], str]" = WeakKeyDictionary()
 
@@ -197,8 +198,11 @@ def _check_known(name: str) -> None:
 
     Raises:
         UnknownNameError: It is not registered; names the nearest.
-        InvalidArgumentError: Before the colon stands no module's name.
+        InvalidArgumentError: Before the colon stands no module's name, or the module that registers
+            it is one of the repository's examples.
     """
+    if name.startswith(PREFIX):
+        raise InvalidArgumentError(f"{name} is a tree of the zoo; its task is {name.split(':')[1]}")
     module, colon, _ = name.partition(":")
     if colon:
         if not all(part.isidentifier() for part in module.split(".")):
@@ -210,6 +214,11 @@ def _check_known(name: str) -> None:
     if name in gymnasium.registry:
         return
     versions = [k for k in gymnasium.registry if k.split("-v")[0] == name.split("-v")[0]]
+    if home := next((one.module for one in cards() if one.task == name), ""):
+        raise InvalidArgumentError(
+            f"{name} is an example of the repository: in a clone of it, --import {home} registers "
+            f"it (in Python import {home})"
+        )
     if not versions:
         raise UnknownNameError("environment", name, gymnasium.registry, hint=_IMPORT)
     if "-v" in name:

@@ -168,7 +168,7 @@ class Judgement:
         name = "start" if self.handed_over == LEARNED else "learned"
         words = f"handed over: {taken.describe()} of {self.episodes:,}; {name}: {other.describe()}"
         if self.handed_over == START:
-            words += f". The start is handed over, because {self.why}"
+            words += f". The start is handed over: {self.why}"
         return f"{words}. {AS_LEARNED}" if self.why == AS_LEARNED else words
 
 
@@ -386,8 +386,10 @@ def judge(
 
 EARNS_MORE = "it is shown to earn more"
 NO_LESS = "it is smaller and shown to earn no less"
-NOT_SHOWN = "that the learned tree earns more was not shown"
-NOT_SHOWN_SMALLER = "that the learned tree, which is smaller, earns no less was not shown"
+NOT_SHOWN = "these episodes could not show that the learned tree earns more"
+NOT_SHOWN_SMALLER = (
+    "these episodes could not show that the learned tree, which is smaller, earns no less"
+)
 FAILS_MORE = "the learned tree succeeds less often"
 TOO_LARGE = "the start has more leaves than were asked for"
 _TAKEN = (EARNS_MORE, NO_LESS, TOO_LARGE)

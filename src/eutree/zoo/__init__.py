@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from eutree.errors import InvalidArgumentError, UnknownNameError
+from eutree.errors import InvalidArgumentError, UnknownNameError, shown
 from eutree.policies import TreePolicy
 
 __all__ = ["PREFIX", "Card", "card", "cards", "load", "path_of", "settings_of", "tasks"]
@@ -94,8 +94,10 @@ def card(name: str) -> Card:
 
     Raises:
         UnknownNameError: There is no tree of this task.
-        InvalidArgumentError: There is none as small as that.
+        InvalidArgumentError: There is none as small as that, or the name is no text.
     """
+    if not isinstance(name, str):
+        raise InvalidArgumentError(f"name must be that of a tree of the zoo, got {shown(name)}")
     task, separator, size = name.removeprefix(PREFIX).rpartition(":")
     if not separator:
         task, size = size, ""
