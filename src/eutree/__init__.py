@@ -5,6 +5,15 @@ imported on first use (PEP 562), so that ``import eutree`` costs little more tha
 ``import gymnasium``.
 """
 
+import os
+import signal
+import sys
+
+if signal.getsignal(signal.SIGINT) is signal.default_int_handler and (
+    sys.orig_argv[1:3] == ["-m", "eutree"] or "eutree" in map(os.path.basename, sys.orig_argv[1:2])
+):
+    signal.signal(signal.SIGINT, lambda *_: os._exit(130))  # while the command is being imported
+
 import importlib
 from typing import TYPE_CHECKING
 

@@ -4,6 +4,8 @@ import os
 import random
 import resource
 import signal
+import subprocess
+import sys
 import time
 
 import pytest
@@ -214,6 +216,39 @@ def test_a_signal_while_racing_saves_and_exits_and_the_run_can_be_resumed(whole,
     code, err = finish(start(*line, "--out", folder, "--resume"))
     assert code == 0, err
     assert digests(folder) == digests(tmp_path / "whole")
+
+
+EARLY_AND_LATE = """
+import atexit, os, sys
+
+class Struck:
+    def find_spec(self, name, path=None, target=None):
+        if name == "{module}":
+            os.kill(os.getpid(), 2)
+
+sys.meta_path.insert(0, Struck())
+if not "{module}":
+    atexit.register(os.kill, os.getpid(), 2)
+"""
+
+
+@pytest.mark.promise(12)
+@pytest.mark.parametrize("way", ["module", "script"])
+@pytest.mark.parametrize("module", ["gymnasium", ""], ids=["while it begins", "while it ends"])
+def test_ctrl_c_at_either_end_of_the_process_is_quiet(way, module, tmp_path):
+    (tmp_path / "sitecustomize.py").write_text(EARLY_AND_LATE.format(module=module))
+    script = tmp_path / "eutree"
+    script.write_text("from eutree.__main__ import main\nmain()\n")
+    line = ["-m", "eutree"] if way == "module" else [str(script)]
+    places = os.pathsep.join([str(tmp_path), *filter(None, [os.environ.get("PYTHONPATH")])])
+    found = subprocess.run(
+        [sys.executable, *line, "--version"],
+        env=os.environ | {"PYTHONPATH": places},
+        capture_output=True,
+        text=True,
+    )
+    assert found.returncode == 130
+    assert found.stderr == ""
 
 
 STRUCK = """
