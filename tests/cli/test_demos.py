@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import gymnasium
 import numpy as np
@@ -242,3 +243,16 @@ def test_a_log_is_imported_with_kinds(tmp_path, ask):
         "tariff": "integer",
         "door": ("open", "shut"),
     }
+
+
+def test_a_log_of_one_episode_is_imported_and_one_of_one_row_is_not(eutree):
+    log = Path("n.csv")
+    log.write_text("x,heater\n20,on\n21,on\n22,on\n")
+    line = ("demos", "import", "n.csv", "--action-column", "heater", "--out", "d")
+    assert "--one-episode" in eutree(*line).err
+    assert eutree(*line, "--one-episode").out.startswith("1 episode, 2 transitions")
+    fitted = eutree("fit", "d", "--out", "e.json")
+    assert "\n1 leaf from 2 steps" in fitted.out
+    log.write_text("x,heater\n20,on\n")
+    answer = eutree(*line, "--one-episode")
+    assert (answer.code, "holds no transition" in answer.err) == (2, True)

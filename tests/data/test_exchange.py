@@ -173,9 +173,9 @@ def test_csv_floats_read_back_to_the_bit(tmp_path_factory, demos):
 
 
 BAD_CSV = {
-    "": r"line 1: there is no column 'episode' in \[\]",
+    "": "line 1: the file is empty: the first line must name the columns",
     "episode,x\n": "line 1: there is no column 'action'",
-    "episode,action\n": "no column of a feature",
+    "episode,action\n": r"no column of a feature in \['episode', 'action'\]",
     "episode,action,x,x\n": "two columns have the same name",
     "episode,action,x\n0,1\n": "line 2: expected 3 values, got 2",
     "episode,action,x\n0,1,nan\n": "line 2: x must be a finite number, got 'nan'",
@@ -197,6 +197,20 @@ def test_a_bad_table_is_refused_with_its_line(tmp_path, text):
     path = tmp_path / "demos.csv"
     path.write_text(text)
     with pytest.raises(FormatError, match=BAD_CSV[text]):
+        Demonstrations.from_csv(path)
+
+
+@pytest.mark.parametrize(
+    ("encoding", "said"),
+    [
+        ("latin-1", "line 3: byte 0xb0 is not UTF-8 text, perhaps Latin-1: save the file as UTF-8"),
+        ("utf-16", "line 1: byte 0xff is not UTF-8 text, perhaps UTF-16"),
+    ],
+)
+def test_text_of_another_encoding_is_refused_with_its_line(tmp_path, encoding, said):
+    path = tmp_path / "demos.csv"
+    path.write_bytes("episode,action,x\n0,a,1\n0,20 °C,2\n".encode(encoding))
+    with pytest.raises(FormatError, match=said):
         Demonstrations.from_csv(path)
 
 

@@ -114,6 +114,21 @@ def test_levels_of_a_quantity_are_in_their_order(tmp_path):
     assert Demonstrations.from_csv(path).schema.actions == ("-1.0", "0.0", "2.5")
 
 
+def test_a_log_may_be_one_episode_without_a_time(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("heater,x\non,1\noff,2\noff,3\n")
+    own = {"columns": {"action": "heater"}}
+    with pytest.raises(FormatError, match=r"nothing marks the episodes, .*, or --one-episode"):
+        Demonstrations.from_csv(path, **own)
+    demos = Demonstrations.from_csv(path, **own, log=LogFormat(one_episode=True))
+    assert [e.observations.ravel().tolist() for e in demos.episodes] == [[1, 2, 3]]
+    with pytest.raises(FormatError, match=r"no column 'row' in \['heater', 'x'\]"):
+        Demonstrations.from_csv(path, **own, log=LogFormat(time="row"))
+    path.write_text("episode,action,x\n0,on,1\n")
+    with pytest.raises(FormatError, match="one_episode is for a table without"):
+        Demonstrations.from_csv(path, log=LogFormat(one_episode=True))
+
+
 @pytest.mark.parametrize("mark", [",", ";", "\t", "|"])
 def test_what_separates_the_values_is_seen(tmp_path, mark):
     path = tmp_path / "log.csv"

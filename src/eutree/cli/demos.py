@@ -262,6 +262,7 @@ def stats(folder: Path, html: Path | None) -> Result:
 @click.option("--time-format", default="", metavar="FORMAT",
               help="Its form, '%d.%m.%Y %H:%M', where it is not seconds or ISO 8601.")  # fmt: skip
 @click.option("--episode-gap", metavar="SPAN", help="A pause that ends an episode: 90s, 1h.")
+@click.option("--one-episode", is_flag=True, help="All rows are one episode.")
 @click.option("--actions", metavar="NAME,NAME,...", help="The actions, in order.")
 @option.environment
 def import_(
@@ -284,7 +285,8 @@ def import_(
     "action_name", "reward", "terminated", "truncated", "seed", "ending", "is_success" and "kept"
     are known; every other column is a feature, its unit in brackets: "level [m]". The last row of
     an episode has an empty action: it shows where the last action led. Without such a row the
-    last action is left out. A machine's log without marks of episodes is read by --time.
+    last action is left out. A machine's log without marks of episodes is read by --time, or as
+    --one-episode.
     """
     from eutree.data import Demonstrations, LogFormat
     from eutree.data.log_format import seconds_of
@@ -316,8 +318,11 @@ def import_(
         )
     else:
         loaded = Demonstrations.from_npz(source, schema=schema, environment=spec)
-    if not loaded.episodes:
-        raise InvalidArgumentError(f"{source} holds no episodes")
+    if not any(map(len, loaded.episodes)):
+        raise InvalidArgumentError(
+            f"{source} holds no transition: that takes two rows of an episode, the second of which "
+            "is what the first one's action led to"
+        )
     names = given_names()
     if names is not None:
         loaded = replace(loaded, schema=names.of(loaded.schema))

@@ -85,20 +85,34 @@ def read_csv(
         except csv.Error as error:
             raise FormatError(path, f"line {reader.line_num}", str(error)) from None
         except UnicodeDecodeError:
-            line = reader.line_num if reader else 0
-            raise FormatError(path, f"after line {line}", "not UTF-8 text") from None
+            raise FormatError(path, *_no_text(path)) from None
     return table.read(path, schema)
+
+
+def _no_text(path: str | Path) -> tuple[str, str]:
+    """Return the line of a file that is no UTF-8, and what it is likely to be."""
+    with open(path, "rb") as file:
+        for number, line in enumerate(file, 1):
+            try:
+                line.decode()
+            except UnicodeDecodeError as error:
+                kind = "UTF-16" if b"\0" in line else "Latin-1"
+                reason = f"byte {line[error.start]:#04x} is not UTF-8 text, perhaps {kind}"
+                return f"line {number}", f"{reason}: save the file as UTF-8"
+    return "", "not UTF-8 text"
 
 
 def _renamed(found: list[str], own: Mapping[str, str], log: LogFormat) -> list[str]:
     """Return the columns of a table under the names that we know them by."""
+    if not found:
+        raise InvalidArgumentError("the file is empty: the first line must name the columns")
     for name in own.values():
         if name not in found:
             raise InvalidArgumentError(f"there is no column {name!r} in {found}")
     known = {theirs: name for name, theirs in own.items()}
     columns = [known.get(column, column) for column in found]
     for name in ("episode", "action"):
-        if name not in columns and not (name == "episode" and log.time):
+        if name not in columns and not (name == "episode" and log.marks_nothing):
             reason = (
                 f"there is no column {name!r} in {found}; required are 'episode' and 'action', "
                 "or columns named by --episode-column and --action-column "
@@ -107,7 +121,7 @@ def _renamed(found: list[str], own: Mapping[str, str], log: LogFormat) -> list[s
             if name == "episode":
                 reason += (
                     "; where nothing marks the episodes, --time COLUMN, with --episode-gap 1h "
-                    "for those that a pause divides"
+                    "for those that a pause divides, or --one-episode"
                 )
             if len(found) == 1:
                 reason += "; and what separates the values by --delimiter"
@@ -118,7 +132,9 @@ def _renamed(found: list[str], own: Mapping[str, str], log: LogFormat) -> list[s
         raise InvalidArgumentError(f"two columns have the same name: {names}")
     for name in filter(None, (*log.drop, *log.nominal, log.time)):
         if name not in columns:
-            raise InvalidArgumentError(f"there is no column {name!r} in {columns}")
+            raise InvalidArgumentError(f"there is no column {name!r} in {found}")
+    if log.one_episode and "episode" in columns:
+        raise InvalidArgumentError("one_episode is for a table without a column of the episodes")
     return columns
 
 
@@ -149,8 +165,10 @@ class _Table:
         apart = {*KNOWN, *log.drop, log.time}
         self._columns, self._log, self._has_comma = columns, log, delimiter != ","
         self._features = [column for column in columns if column not in apart]
-        if not 1 <= len(self._features) <= MAX_NAMES:
-            raise InvalidArgumentError("there is no column of a feature, or too many")
+        if not self._features:
+            raise InvalidArgumentError(f"there is no column of a feature in {columns}")
+        if len(self._features) > MAX_NAMES:
+            raise InvalidArgumentError(f"more than {MAX_NAMES:,} columns of features")
         self._codes: dict[str, int] = {}  # of the texts in the column action
         self._names: dict[str, str] = {}  # their names by action_name
         self._categories: dict[str, dict[str, int]] = {name: {} for name in log.nominal}

@@ -35,6 +35,7 @@ class LogFormat:
         time: Column of the time, which is no feature: seconds, or ISO 8601.
         time_format: Its form as ``datetime.strptime`` has it, where it is another.
         episode_gap: Seconds between two rows after which a new episode begins.
+        one_episode: All rows are one episode.
         actions: Names of the actions in the order of their indices, where the order matters.
     """
 
@@ -44,6 +45,7 @@ class LogFormat:
     time: str = ""
     time_format: str = ""
     episode_gap: float | None = None
+    one_episode: bool = False
     actions: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -55,6 +57,11 @@ class LogFormat:
             check_number("episode_gap", self.episode_gap, low=0.0, low_open=True)
         if (self.episode_gap is not None or self.time_format) and not self.time:
             raise InvalidArgumentError("time must name the column that a gap is seen in, got ''")
+
+    @property
+    def marks_nothing(self) -> bool:
+        """Whether the table needs no column that says which episode a row is of."""
+        return self.one_episode or bool(self.time)
 
     def seconds(self, text: str) -> float:
         """Return the time in a cell of the column ``time``, in seconds.

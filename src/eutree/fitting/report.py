@@ -292,7 +292,7 @@ class FitReport(Displayed):
     def __str__(self) -> str:
         """Return the report in a few lines, without the tree."""
         lines = [
-            f"{self.policy.n_leaves} leaves from {self.n_transitions} steps; "
+            f"{counted(self.policy.n_leaves, 'leaf')} from {self.n_transitions} steps; "
             f"{self.training_accuracy:.1%} of the actions shown"
         ]
         if self.played is not None and self.verdict is not None:
