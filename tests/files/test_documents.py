@@ -82,8 +82,8 @@ def test_what_json_cannot_hold_is_refused():
 HEAD = '{"format":"test/thing","version":2,"made_by":"eutree 0.1.0"'
 BAD = {
     "": "truncated",
-    "[]": "Expected `object`",
-    "{}": "missing required field `format`",
+    "[]": "is not a thing file: Expected `object`",
+    "{}": "is not a thing file: Object missing required field `format`",
     '{"format":"other","version":1,"made_by":"x","number":1}': "format: expected 'test/thing'",
     '{"format":"test/thing","version":3,"made_by":"eutree 2.1.0"}': (
         "version: made by eutree 2.1.0 as version 3 of test/thing; this is eutree "

@@ -80,6 +80,11 @@ def policy_file(path: Path) -> Path:
         from eutree.zoo import path_of
 
         return path_of(str(path))
+    if path.suffix in (".csv", ".npz"):
+        raise InvalidArgumentError(
+            f"{path} must be a policy file; a log is read by eutree demos import, and fit makes a "
+            "policy of it"
+        )
     if not path.is_dir():
         return path
     file = path / "policy.json"

@@ -159,8 +159,10 @@ class DemonstrationFolder:
             if not self.path.exists():
                 raise FileError("read", path, "no such folder of demonstrations")
             if not header.exists():
-                reason = f"holds no demonstrations: there is no file {HEADER}"
-                raise FormatError(path, "", reason)
+                reason = f"there is no file {HEADER}"
+                if self.path.is_file():
+                    reason = "it is no folder, and a log is read by eutree demos import"
+                raise FormatError(path, "", f"holds no demonstrations: {reason}")
         document = read_document(header, DemonstrationsDocument)
         self.schema = schema_from_document(document.schema, header)
         self.environment = environment_from_document(document.environment, header)

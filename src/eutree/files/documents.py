@@ -181,6 +181,9 @@ def decode_document(data: bytes, kind: type[_Plain], path: str | Path) -> _Plain
     except _DuplicateKeyError as error:
         raise FormatError(path, str(error), "the key stands twice in one object") from None
     except msgspec.MsgspecError as error:
+        if issubclass(kind, Document) and b'"format"' not in data:
+            name = kind.FORMAT.rpartition("/")[2]
+            raise FormatError(path, "", f"is not a {name} file: {error}") from None
         _raise_at_place(str(error), path)
     except ValueError as error:  # for example an integer of more than 4300 digits
         raise FormatError(path, "", f"not JSON: {error}") from None
