@@ -2,6 +2,8 @@
 
 import json
 
+import gymnasium
+
 
 def test_diff_of_a_policy_with_itself_is_empty(eutree, expert):
     answer = eutree("diff", expert, expert, "--json")
@@ -71,6 +73,14 @@ def test_edit_writes_what_was_asked_and_evaluates_it(eutree, expert, tmp_path):
     again = eutree("edit", "new.json", "--set-action", f"{before['leaf']}=go", "--out", "x.json")
     assert again.code == 2
     assert "unlock it first" in again.err
+
+
+def test_edit_plays_nothing_where_the_environment_is_unknown(eutree, expert, monkeypatch):
+    monkeypatch.delitem(gymnasium.registry, "eutree/Evasion2-v0")
+    answer = eutree("edit", expert, "--set-threshold", "0=20", "--out", "new.json")
+    assert (answer.code, "return" in answer.out) == (0, False)
+    assert "changed, but not played: unknown environment 'eutree/Evasion2-v0'" in answer.err
+    assert eutree("show", "new.json").out.count("20") >= 1
 
 
 def test_edit_names_mistakes(eutree, expert):

@@ -65,7 +65,7 @@ def test_page_plays_episodes_and_knows_the_demonstrations(
     assert run([*arguments, *options]) == 0
     captured = capsys.readouterr()
     printed = json.loads(captured.out)
-    assert captured.err == ""
+    assert captured.err == "playing 1/2\nplaying 2/2\n"
     assert printed["episodes"] == 2
     page = (tmp_path / "page.html").read_text()
     assert printed["bytes"] == len(page.encode())

@@ -15,6 +15,7 @@ from eutree.interaction.episode import Stream
 from eutree.recording import record
 from eutree.report import watch
 from eutree.report.watching import (
+    encode,
     film,
     film_if_possible,
     watch_if_possible,
@@ -36,6 +37,22 @@ def test_watching_does_not_change_the_episode() -> None:
     np.testing.assert_array_equal(watched.episode.actions, plain.actions)
     assert len(watched.frames) == len(plain.observations)
     assert image.open(BytesIO(watched.frames[0])).size == (480, 320)
+
+
+def test_pictures_are_encoded_by_threads_in_their_order() -> None:
+    pytest.importorskip("pygame")
+    pytest.importorskip("PIL")
+    policy, told = policy_of(tree(9, 3), EVASION), list[int]()
+    (watched, _) = watch(policy, episodes=2, seed=3, on_episode=told.append)
+    guarded = GuardedEnv(gymnasium.make("eutree/Evasion2-v0", render_mode="rgb_array"))
+    guarded.reset(watched.episode.seed)
+    taken = [encode(guarded.picture())]
+    for action in watched.episode.actions.tolist():
+        guarded.step(action)
+        taken.append(encode(guarded.picture()))
+    assert list(watched.frames) == taken
+    assert len(set(taken)) > len(taken) / 2
+    assert told == [1, 2]
 
 
 def test_a_recorded_episode_is_filmed_as_it_was() -> None:

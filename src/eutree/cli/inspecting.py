@@ -1,6 +1,7 @@
 """The commands that inspect a policy: ``eutree why``, ``diff``, ``verify`` and ``edit``."""
 
 import re
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -9,7 +10,7 @@ import click
 
 from eutree.cli import _options as option
 from eutree.cli._options import Helped, ResultCommand
-from eutree.cli._output import Result, figures_of
+from eutree.cli._output import Result, figures_of, say
 from eutree.cli._policies import (
     in_zoo,
     load_demonstrations,
@@ -18,7 +19,7 @@ from eutree.cli._policies import (
     renamed,
     seen_in,
 )
-from eutree.errors import InvalidArgumentError, shown
+from eutree.errors import InvalidArgumentError, UnknownNameError, shown
 from eutree.trees.text import labelled
 
 
@@ -211,6 +212,7 @@ def edit(
     from eutree.files import check_writable
     from eutree.inspection import edit as change
     from eutree.inspection import enforce, numbered
+    from eutree.interaction.making import make
     from eutree.interaction.names import Names
 
     before = load_policy(policy, hand_edited=reseal)
@@ -243,10 +245,14 @@ def edit(
     returns: list[float] = []
     if edited.changes and before.environment is not None and episodes:
         spec = before.environment.override(env_arguments)
-        returns = [
-            evaluate(each, spec, episodes=episodes, seed=seed).mean_return
-            for each in (before, edited.policy)
-        ]
+        try:
+            with closing(make(spec)) as env:
+                returns = [
+                    evaluate(each, env, episodes=episodes, seed=seed).mean_return
+                    for each in (before, edited.policy)
+                ]
+        except UnknownNameError as error:
+            say(f"changed, but not played: {error}")
     if out is not None:
         edited.policy.save(out)
     lines = [numbered(edited.policy), *edited.changes, *(f"warning: {w}" for w in edited.warnings)]

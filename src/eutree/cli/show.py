@@ -13,7 +13,7 @@ import click
 
 from eutree.cli import _options as option
 from eutree.cli._options import Helped, ResultCommand
-from eutree.cli._output import Result, say
+from eutree.cli._output import Result, progress, say
 from eutree.cli._policies import load_demonstrations, load_policy
 from eutree.display import counted
 from eutree.errors import InvalidArgumentError
@@ -120,7 +120,10 @@ def _watched(
     if not episodes:
         return []
     os.environ.setdefault("SDL_VIDEODRIVER", "dummy")  # pictures are drawn without a display
-    watched, problem = watch_if_possible(policy, spec, episodes=episodes, seed=seed)
+    with progress("playing", episodes) as line:
+        watched, problem = watch_if_possible(
+            policy, spec, episodes=episodes, seed=seed, on_episode=line.update
+        )
     if problem:
         say(problem)
     return watched
