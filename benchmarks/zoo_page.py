@@ -1,13 +1,18 @@
-"""Make the page of the zoo: a card for each tree, at play, and as a program.
+"""Make the page of the zoo: a card for each tree, at play, proven or not, and as a program.
 
-Run: python -m benchmarks.zoo_page
+Run: python -m benchmarks.zoo_page [--docs FOLDER] [--tasks TASK ...]
 
 A tree is drawn at play in its first fresh episode, and written as the shortest Python program that
 decides like it, ``play(x)``, after the protocol of Kohler and others (2025): its bytes, and the
 time of a decision. Times are of this machine, so beside them stands a thing that was timed in the
 same seconds: a forward pass in numpy of a network with two layers of 64, for the same observation.
+Each program is a file of ``docs/static/play``; what ``eutree prove`` answers stands in the card.
 """
 
+import argparse
+import json
+import subprocess
+import sys
 import timeit
 from collections.abc import Callable, Iterator
 from importlib import import_module
@@ -22,11 +27,11 @@ import eutree
 from eutree import zoo
 from eutree.interaction.making import make
 
-DOCS = Path(__file__).resolve().parents[1] / "docs"
-BEGIN, SHOWN = (
-    "## The trees\n",
-    8,
-)  # what follows is made here; programs of so many leaves are shown
+ROOT = Path(__file__).resolve().parents[1]
+DOCS = ROOT / "docs"
+PLAY = "static/play"  # folder of the programs
+BEGIN = "## The trees\n"  # what follows is made here
+SHOWN = 8  # leaves of the largest program that stands on the page itself
 EPISODE = 9_000_000  # seed of the episode that is drawn
 WIDTH, FRAMES, FRAME_MS, COLOURS = 240, 60, 100, 64
 DECISIONS, REPEATS, HIDDEN = 2000, 7, 64
@@ -107,8 +112,24 @@ def times(program: str, rows: np.ndarray, n_actions: int) -> tuple[float, float]
     return least(play, lists), least(network, chosen)
 
 
-def card_lines(card: zoo.Card) -> Iterator[str]:
-    """Yield the card of a tree; its picture is drawn on the way."""
+def proof_of(card: zoo.Card) -> str:
+    """Return what ``eutree prove`` answers of a tree."""
+    more = ["--import", card.module] if card.module else []
+    line = [sys.executable, "-m", "eutree", "prove", f"zoo:{card.name}", "--json", *more]
+    found = json.loads(subprocess.run(line, cwd=ROOT, stdout=subprocess.PIPE).stdout)
+    return f"{found['verdict']} ({found['kind']}): {found['sentence']}"
+
+
+def write_program(card: zoo.Card, docs: Path) -> str:
+    """Write the program of a tree to its file, and return it."""
+    path, program = docs / PLAY / f"{Path(card.file).stem}.py", play_program(zoo.load(card.name))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(program)
+    return program
+
+
+def card_lines(card: zoo.Card, docs: Path) -> Iterator[str]:
+    """Yield the card of a tree; its picture is drawn, and its program written, on the way."""
     if card.module:
         import_module(card.module)
     policy = zoo.load(card.name)
@@ -118,13 +139,14 @@ def card_lines(card: zoo.Card) -> Iterator[str]:
         policy, make(policy.environment, render_mode="rgb_array" if drawn else None)
     )
     stem = Path(card.file).stem
-    program = play_program(policy)
+    program = write_program(card, docs)
     decision, network = times(program, rows, policy.schema.n_actions)
     low, high = card.interval
     yield f"### {card.name}\n"
     picture = f"images/zoo-{stem}.gif"
     if drawn:
-        draw(pictures, DOCS / "images" / f"zoo-{stem}.gif")
+        (docs / "images").mkdir(exist_ok=True)
+        draw(pictures, docs / picture)
         yield f"![{card.task}, an episode of the tree with {card.leaves} leaves]({picture})\n"
     yield "| | |\n|---|---|"
     yield f"| leaves | {card.leaves} |"
@@ -135,9 +157,11 @@ def card_lines(card: zoo.Card) -> Iterator[str]:
     yield f"| counted steps, seed | {card.steps:,}, {card.seed} |"
     if card.module:
         yield f"| its task | an example of the repository: `--import {card.module}` |"
+    if card.extra:
+        yield f"| its task needs | `{card.extra}`, which `eutree[envs]` brings |"
     yield f"| learned by | `{card.command}`, at {card.commit} |"
-    yield f"| proven | {card.proven or 'nothing'} |"
-    yield f"| `play(x)` | {len(program.encode())} bytes |"
+    yield f"| `eutree prove` | {proof_of(card)} |"
+    yield f"| `play(x)` | [{len(program.encode())} bytes]({PLAY}/{stem}.py) |"
     share = f"1/{network / decision:.0f}"
     yield f"| a decision | {decision:.0f} ns, {share} of the network's |\n"
     if card.leaves <= SHOWN:
@@ -145,20 +169,25 @@ def card_lines(card: zoo.Card) -> Iterator[str]:
 
 
 def main() -> None:
-    page = DOCS / "zoo.md"
-    head, _, _ = page.read_text().partition(BEGIN)
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--docs", type=Path, default=DOCS)
+    parser.add_argument("--tasks", nargs="+", default=zoo.tasks())
+    arguments = parser.parse_args()
+    head, _, _ = (DOCS / "zoo.md").read_text().partition(BEGIN)
     lines = [head.rstrip(), "", BEGIN, NOTE]
     for card in zoo.cards():
-        lines += card_lines(card)
-        print(card.name, flush=True)
-    page.write_text("\n".join(lines).rstrip() + "\n")
+        if card.task in arguments.tasks:
+            lines += card_lines(card, arguments.docs)
+            print(card.name, flush=True)
+    (arguments.docs / "zoo.md").write_text("\n".join(lines).rstrip() + "\n")
 
 
 NOTE = """\
 Made by `python -m benchmarks.zoo_page`. Each tree is shown in an episode that chose nothing, and
-as the shortest Python program that decides like it, `play(x)`: its bytes, and the time of a
-decision beside that of a network with two layers of 64 in numpy, timed in the same seconds on one
-machine (the protocol of Kohler and others, 2025).
+as the shortest Python program that decides like it, `play(x)`, a file each: its bytes, and the
+time of a decision beside that of a network with two layers of 64 in numpy, timed in the same
+seconds on one machine (the protocol of Kohler and others, 2025). `eutree prove` answers of the
+property that the task's plant has of its own; where no plant is known it is statistical.
 """
 
 

@@ -121,6 +121,9 @@ def test_the_command_lists_them(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["zoo"]) == 0
     printed = capsys.readouterr().out
     assert all(one.name in printed for one in zoo.cards())
+    assert "eutree[envs]" not in printed
+    assert run(["zoo", "LunarLander-v3"]) == 0
+    assert "needs gymnasium[box2d]: pip install 'eutree[envs]'" in capsys.readouterr().out
     assert run(["zoo", "MountainCar-v1"]) == 2
     assert "MountainCar-v0" in capsys.readouterr().err
 

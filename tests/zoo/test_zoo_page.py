@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from benchmarks.zoo_page import DOCS, compiled, play_program
+from benchmarks.zoo_page import DOCS, PLAY, compiled, play_program
 
 from eutree import zoo
 
@@ -31,11 +31,14 @@ def test_the_card_on_the_page_is_that_of_the_tree(card: zoo.Card) -> None:
     found = re.search(rf"### {re.escape(card.name)}\n(.*?)(?=\n### |\Z)", PAGE, re.DOTALL)
     assert found is not None, "python -m benchmarks.zoo_page makes the page"
     low, high = card.interval
-    size = len(play_program(zoo.load(card.name)).encode())
+    program, stem = play_program(zoo.load(card.name)), Path(card.file).stem
     assert f"| leaves | {card.leaves} |" in found[1]
     assert f"{card.mean_return} [{low}, {high}]" in found[1]
-    assert f"| `play(x)` | {size} bytes |" in found[1]
-    picture = DOCS / f"images/zoo-{Path(card.file).stem}.gif"
+    file = f"{PLAY}/{stem}.py"
+    assert f"| `play(x)` | [{len(program.encode())} bytes]({file}) |" in found[1]
+    assert (DOCS / file).read_text() == program
+    assert card.extra in found[1]
+    picture = DOCS / f"images/zoo-{stem}.gif"
     assert card.module or picture.name in found[1]  # those of the examples draw nothing
     assert card.module or picture.stat().st_size < 100_000
 

@@ -145,6 +145,8 @@ def _lines(one: "Card", *, full: bool) -> Iterator[str]:
     ).rstrip()
     if full and one.proven:
         yield f"  proven: {one.proven}"
+    if full and one.extra:
+        yield f"  its task needs {one.extra}: pip install 'eutree[envs]'"
     if full and one.module:
         yield f"  its task is an example of the repository: --import {one.module}"
     if full:
