@@ -74,18 +74,20 @@ def line(now: Rows, then: Rows, task: str) -> str:
     returns = [column(rows, task, "return") for rows in (now, then)]
     leaves = [column(rows, task, "has_leaves").mean() for rows in (now, then)]
     low, high = interval(*returns)
+    file = next(row["file"] for row in then if row["task"] == task)
     return (
-        f"| {task} | {returns[1].mean():.1f}, {leaves[1]:.1f} leaves | {returns[0].mean():.1f}, "
+        f"| {task} | {file}: {returns[1].mean():.1f}, {leaves[1]:.1f} leaves | "
+        f"{returns[0].mean():.1f}, "
         f"{leaves[0]:.1f} leaves | {probability(*returns):.2f} [{low:.2f}, {high:.2f}] | "
         f"{'**worse**' if is_worse(now, then, task) else ''} |"
     )
 
 
 def latest(files: Sequence[Path]) -> list[dict[str, Any]]:
-    """Return the rows of each task from the last of the files that has any."""
+    """Return the rows of each task from the last of the files that has any; each names its file."""
     rows: dict[str, list[dict[str, Any]]] = {}
     for file in files:
-        stored_rows = rows_of(file)
+        stored_rows = [row | {"file": file.stem} for row in rows_of(file)]
         for task in {row["task"] for row in stored_rows}:
             rows[task] = [row for row in stored_rows if row["task"] == task]
     return [row for of_task in rows.values() for row in of_task]
@@ -102,7 +104,7 @@ def page() -> str:
     files = stored()
     for place in range(len(files) - 1, 0, -1):
         now, then = rows_of(files[place]), latest(files[:place])
-        lines += ["", f"## {files[place].stem}, after {files[place - 1].stem}", "", TITLES]
+        lines += ["", f"## {files[place].stem}", "", TITLES]
         lines += [line(now, then, task) for task in tasks_of(now, then)]
     return "\n".join(lines) + "\n"
 
@@ -114,7 +116,8 @@ def run(tasks: Sequence[str], processes: int) -> list[dict[str, Any]]:
         for task, steps, leaves in PARTS if not tasks or task in tasks
         for seed in range(FIRST, FIRST + SEEDS)
     ]  # fmt: skip
-    with multiprocessing.get_context("spawn").Pool(processes) as pool:
+    # A process for each run: the peak of its memory is that of all that it ran before.
+    with multiprocessing.get_context("spawn").Pool(processes, maxtasksperchild=1) as pool:
         return pool.starmap(measured, [(cell, None) for cell in cells], chunksize=1)
 
 

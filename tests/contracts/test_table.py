@@ -82,3 +82,14 @@ def test_a_task_is_compared_with_the_last_release_that_has_it(tmp_path: Path) ->
         (tmp_path / name).write_text("\n".join(lines) + "\n")
     found = releases.latest(sorted(tmp_path.glob("*.csv")))
     assert {row["task"]: row["return"] for row in found} == {"A": "001", "B": "002"}
+    assert {row["task"]: row["file"] for row in found} == {"A": "001", "B": "002"}
+
+
+def test_a_row_between_releases_names_the_file_that_it_is_compared_with() -> None:
+    known = {path.stem for path in releases.stored()}
+    cells = [line.split(" | ") for line in body("between-releases.md").splitlines()]
+    before = [cell[1].partition(":")[0] for cell in cells if len(cell) == 5 and ":" in cell[1]]
+    assert len(before) >= 5
+    assert set(before) <= known
+    cart_pole = next(cell for cell in cells if cell[0] == "| CartPole-v1")
+    assert cart_pole[1].startswith("001-")  # the second release has no run of it
