@@ -69,7 +69,7 @@ html_static_path = ["static"]
 html_css_files = ["pages.css"]
 
 
-WHOLE = 24  # characters of a word of code that fits on a phone
+WHOLE = 40  # characters of a word of code that fits on a phone
 DATE = re.compile(r"(\d{4}-\d\d-\d\d)")
 
 
