@@ -17,6 +17,7 @@ from eutree.training import stored_transitions
 from eutree.trees import DecisionTree
 from eutree.world_model import Transitions
 from eutree.world_model.ensemble import EnsembleSettings
+from tests.little_search import little_search
 
 QUICK = EnsembleSettings(members=2, hidden=24, batch=64, updates=2000)
 LENGTH, EPISODES = 10, 600
@@ -110,6 +111,7 @@ def test_what_cannot_be_is_refused(known, policy):
         eutree.compress(other, np.ones((3, 2)), max_leaves=2, imagined=ImaginedEpisodes(known))
 
 
+@little_search()
 def test_a_run_folder_has_the_experience(tmp_path, capsys):
     env = gymnasium.make("CartPole-v1")
     shown = eutree.record(env, follow_the_fall, episodes=3, seed=0)

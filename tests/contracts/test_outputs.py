@@ -13,6 +13,7 @@ from eutree.data import Demonstrations, Episode
 from eutree.policies import TreePolicy
 from eutree.schema import EnvironmentSpec, Schema
 from eutree.trees import DecisionTree
+from tests.little_search import little_search
 
 
 def commands(group, path=()):
@@ -111,8 +112,10 @@ def test_another_place_is_no_fault(written, place, capsys):
     assert Path(written).exists()
 
 
+@little_search()
 def test_the_parts_are_those_of_a_run_and_of_demonstrations(place, capsys):
-    ask = ("--episodes", "2", "--evaluate-every", "1", "--evaluation-episodes", "2", "--runs", "2")
+    ask = ("--episodes", "2", "--evaluate-every", "1", "--evaluation-episodes", "2", "--runs", "2",
+           "--n-jobs", "1")  # fmt: skip
     assert (
         run(["record", "CartPole-v1", "--expert", "fall", "--episodes", "2", "--out", "shown"]) == 0
     )
