@@ -142,6 +142,6 @@ def test_its_policy_remembers_by_itself(tmp_path):
 def test_it_learns_from_a_log_alone():
     careless = eutree.experts.careless(eutree.experts.wait_at_crossing, 0.3, seed=1)
     log = eutree.record("eutree/Evasion2-v0", careless, episodes=15, seed=3)
-    result = eutree.learn(None, demonstrations=log, method=HistoryUTreeMethod(), episodes=2)
+    result = eutree.learn(None, demonstrations=log, method=HistoryUTreeMethod())
     assert result.learned.past_actions == 1
     assert result.against_fit.n_held_out == 5
