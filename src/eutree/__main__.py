@@ -5,7 +5,6 @@ import re
 import signal
 import sys
 import warnings
-from collections.abc import Callable
 from types import FrameType
 
 _OF_GYMNASIUM = re.compile(r"^\x1b\[\d+mWARN: |\x1b\[\d+m")
@@ -19,23 +18,20 @@ def main() -> None:
     it is saved. Ctrl-C while the process ends, once all is saved, ends it at once.
     """
     signal.signal(signal.SIGTERM, _interrupt)
+    listens = signal.getsignal(signal.SIGINT) is not signal.SIG_IGN  # as not behind a shell
     warnings.formatwarning = _in_one_line
     try:
         from eutree.cli.main import run
 
-        _on_ctrl_c(signal.default_int_handler)
+        if listens:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
         code = run(sys.argv[1:])
     except KeyboardInterrupt as interrupt:  # while the command line itself was being imported
         code = 128 + (interrupt.args[0] if interrupt.args else signal.SIGINT)
     finally:
-        _on_ctrl_c(lambda *_: os._exit(128 + signal.SIGINT))
+        if listens:
+            signal.signal(signal.SIGINT, lambda *_: os._exit(128 + signal.SIGINT))
     sys.exit(code)
-
-
-def _on_ctrl_c(handler: Callable[[int, FrameType | None], object]) -> None:
-    """Let Ctrl-C do this, unless a shell lets a process behind it ignore Ctrl-C."""
-    if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
-        signal.signal(signal.SIGINT, handler)
 
 
 def _in_one_line(message: Warning | str, *_: object, **__: object) -> str:

@@ -246,9 +246,8 @@ class RunSettings:
         except InvalidArgumentError as error:
             if self.task in ("", spec.id.rpartition(":")[2]):
                 raise
-            raise InvalidArgumentError(
-                f"the settings are of {self.task}, not of {spec.id}: {error}"
-            ) from error
+            words = f"the settings are of {self.task}, not of {spec.id}: {error}"
+            raise InvalidArgumentError(words) from error
         return record(env, shows, episodes=self.demonstrations, seed=seed)
 
     def race_steps(self, steps: int | None) -> int:

@@ -159,11 +159,7 @@ def _against_start(result: "LearningResult") -> str:
 
 
 def run_many(
-    spec: "EnvironmentSpec",
-    runs: int,
-    n_jobs: int,
-    out: Path,
-    options: dict[str, Any],
+    spec: "EnvironmentSpec", runs: int, n_jobs: int, out: Path, options: dict[str, Any]
 ) -> "LearningRuns":
     """Learn several times, with one progress display."""
     from eutree.training.many import learn_runs

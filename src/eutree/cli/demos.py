@@ -303,21 +303,17 @@ def import_(
     if kind != "csv" and (columns or delimiter is not None or log_format != LogFormat()):
         raise InvalidArgumentError(f"columns and --delimiter are for a file .csv, got {source!r}")
     schema, spec = (None, None) if environment is None else _described(environment, env_arguments)
+    known: dict[str, Any] = {"schema": schema, "environment": spec}
     if kind == "minari":
         loaded = Demonstrations.from_minari(source.removeprefix("minari:"))
         if schema is not None:
-            loaded = replace(loaded, schema=schema, environment=spec)
+            loaded = replace(loaded, **known)
     elif kind == "csv":
         loaded = Demonstrations.from_csv(
-            source,
-            schema=schema,
-            environment=spec,
-            columns=columns,
-            delimiter=delimiter,
-            log=log_format,
+            source, columns=columns, delimiter=delimiter, log=log_format, **known
         )
     else:
-        loaded = Demonstrations.from_npz(source, schema=schema, environment=spec)
+        loaded = Demonstrations.from_npz(source, **known)
     if not any(map(len, loaded.episodes)):
         raise InvalidArgumentError(
             f"{source} holds no transition: that takes two rows of an episode, the second of which "
@@ -343,12 +339,8 @@ def export(folder: Path, target: str) -> Result:
     kind = _kind("TARGET", target)
     opened = _open(folder)
     demonstrations = _demonstrations(opened, _some(opened))
-    if kind == "minari":
-        demonstrations.to_minari(target.removeprefix("minari:"))
-    elif kind == "csv":
-        demonstrations.to_csv(target)
-    else:
-        demonstrations.to_npz(target)
+    write = {"minari": demonstrations.to_minari, "csv": demonstrations.to_csv}
+    write.get(kind, demonstrations.to_npz)(target.removeprefix("minari:"))
     return _written(demonstrations, target)
 
 

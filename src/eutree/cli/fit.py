@@ -269,10 +269,7 @@ def distill(
     teacher = _teacher(spec, expert, policy)
     shown = None if demos is None else load_demonstrations(demos)
     check_writable(out)
-    with (
-        cluster(backend, address),
-        progress("distilling", settings["iterations"]) as line,
-    ):
+    with cluster(backend, address), progress("distilling", settings["iterations"]) as line:
         tree, report = distill_teacher(
             teacher,
             spec,

@@ -39,11 +39,7 @@ if TYPE_CHECKING:
 @option.environment
 @option.seed
 def demo(
-    environment: str,
-    out: Path,
-    episodes: int | None,
-    env_arguments: dict[str, Any],
-    **choices: Any,
+    environment: str, out: Path, episodes: int | None, env_arguments: dict[str, Any], **choices: Any
 ) -> Result:
     """Show, fit, learn, judge, compress and export in ENVIRONMENT; write an HTML report.
 

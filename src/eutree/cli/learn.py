@@ -198,26 +198,12 @@ def learn(
     if runs > 1:
         if spec is None or options.pop("tensorboard") is not None:
             raise InvalidArgumentError("--runs takes no --offline and no --tensorboard")
-        with (
-            cluster(backend, address),
-            stop_on_signals() as stop,
-            _saying_how_to_go_on(stop, out),
-        ):
+        with cluster(backend, address), stop_on_signals() as stop, _saying_how_to_go_on(stop, out):
             learned = run_many(spec, runs, n_jobs, out, options)
         return Result(*many_results(_named(learned, against), out))
     env = None if spec is None else make(spec)
-    with (
-        stop_on_signals() as stop,
-        _saying_how_to_go_on(stop, out),
-        progress("", 1) as line,
-    ):
-        result = learn_policy(
-            env,
-            out=out,
-            stop=stop,
-            on_progress=Following(line, out),
-            **options,
-        )
+    with stop_on_signals() as stop, _saying_how_to_go_on(stop, out), progress("", 1) as line:
+        result = learn_policy(env, out=out, stop=stop, on_progress=Following(line, out), **options)
         if stop():
             raise KeyboardInterrupt
     recorded = len(demonstrations) if offline and demonstrations is not None else None

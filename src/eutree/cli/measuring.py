@@ -137,11 +137,7 @@ def prove(
 
 
 def _spec(
-    policy: "TreePolicy",
-    path: Path,
-    environment: str | None,
-    arguments: dict[str, Any],
-    hint: str,
+    policy: "TreePolicy", path: Path, environment: str | None, arguments: dict[str, Any], hint: str
 ) -> EnvironmentSpec:
     """Return the environment that is named, or else the policy's own; the hint says how to."""
     if environment is not None:

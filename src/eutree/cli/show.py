@@ -108,11 +108,7 @@ def show(
 
 
 def _watched(
-    policy: "TreePolicy",
-    spec: "EnvironmentSpec | None",
-    *,
-    episodes: int,
-    seed: int,
+    policy: "TreePolicy", spec: "EnvironmentSpec | None", *, episodes: int, seed: int
 ) -> "list[WatchedEpisode]":
     """Return the episodes that the page plays."""
     from eutree.report.watching import watch_if_possible

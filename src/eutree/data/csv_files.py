@@ -24,7 +24,7 @@ from eutree.arrays import Floats, Integers
 from eutree.data.episode import DROPPED, MAX_NAMES, Episode
 from eutree.data.log_format import HOLD, LEAVE_OUT, LogFormat, hint, is_nothing, is_quantity, label
 from eutree.errors import FormatError, InvalidArgumentError, blamed
-from eutree.files import opened_text, write_text
+from eutree.files import opened_text, read_bytes, write_text
 from eutree.schema import Feature, Schema, numbered_actions
 from eutree.validation import check_choice, check_finite
 
@@ -91,14 +91,13 @@ def read_csv(
 
 def _no_text(path: str | Path) -> tuple[str, str]:
     """Return the line of a file that is no UTF-8, and what it is likely to be."""
-    with open(path, "rb") as file:
-        for number, line in enumerate(file, 1):
-            try:
-                line.decode()
-            except UnicodeDecodeError as error:
-                kind = "UTF-16" if b"\0" in line else "Latin-1"
-                reason = f"byte {line[error.start]:#04x} is not UTF-8 text, perhaps {kind}"
-                return f"line {number}", f"{reason}: save the file as UTF-8"
+    for number, line in enumerate(read_bytes(path, limit=MAX_CSV).split(b"\n"), 1):
+        try:
+            line.decode()
+        except UnicodeDecodeError as error:
+            kind = "UTF-16" if b"\0" in line else "Latin-1"
+            wrong = f"byte {line[error.start]:#04x} is not UTF-8 text, perhaps {kind}"
+            return f"line {number}", f"{wrong}: save the file as UTF-8"
     return "", "not UTF-8 text"
 
 
@@ -112,7 +111,7 @@ def _renamed(found: list[str], own: Mapping[str, str], log: LogFormat) -> list[s
     known = {theirs: name for name, theirs in own.items()}
     columns = [known.get(column, column) for column in found]
     for name in ("episode", "action"):
-        if name not in columns and not (name == "episode" and log.marks_nothing):
+        if name not in columns and not (name == "episode" and (log.time or log.one_episode)):
             reason = (
                 f"there is no column {name!r} in {found}; required are 'episode' and 'action', "
                 "or columns named by --episode-column and --action-column "

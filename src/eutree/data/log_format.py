@@ -58,11 +58,6 @@ class LogFormat:
         if (self.episode_gap is not None or self.time_format) and not self.time:
             raise InvalidArgumentError("time must name the column that a gap is seen in, got ''")
 
-    @property
-    def marks_nothing(self) -> bool:
-        """Whether the table needs no column that says which episode a row is of."""
-        return self.one_episode or bool(self.time)
-
     def seconds(self, text: str) -> float:
         """Return the time in a cell of the column ``time``, in seconds.
 

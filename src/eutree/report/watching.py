@@ -7,18 +7,12 @@ from dataclasses import dataclass, replace
 from io import BytesIO
 from typing import Any
 
-import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
 from eutree.arrays import Floats
 from eutree.data import Episode
-from eutree.errors import (
-    EnvironmentFault,
-    EutreeError,
-    InvalidArgumentError,
-    MissingExtraError,
-)
+from eutree.errors import EnvironmentFault, EutreeError, InvalidArgumentError, MissingExtraError
 from eutree.interaction import GuardedEnv, episode_seed, run_episode
 from eutree.interaction.episode import Stream
 from eutree.interaction.making import make
@@ -29,7 +23,7 @@ from eutree.validation import check_integer, check_seed
 # Small enough for dozens of episodes in one page, large enough to see the motion.
 _WIDTH, _QUALITY = 480, 60
 _EFFORT = 2  # of 0..6 to make a picture small: 4, as usual, takes twice the time for a tenth less
-_ENCODERS, _AHEAD = 4, 16  # threads, and pictures that may wait for one
+_ENCODERS, _AHEAD = ThreadPoolExecutor(4), 16  # and how many pictures may wait for one
 
 # Long episodes take long to draw, and a page could not hold them all.
 PICTURE_LIMIT = 1500
@@ -94,11 +88,8 @@ def watch(
             raise InvalidArgumentError(
                 f"{spec.id} draws none: its metadata['render_modes'] must name rgb_array"
             )
-    with (
-        closing(make(spec, render_mode="rgb_array" if pictures else None)) as env,
-        ThreadPoolExecutor(_ENCODERS) as encoders,
-    ):
-        plain, filmed = GuardedEnv(env), _FilmedEnv(env, encoders)
+    with closing(make(spec, render_mode="rgb_array" if pictures else None)) as env:
+        plain, filmed = GuardedEnv(env), _FilmedEnv(env)
         if plain.schema.n_features != policy.observation_size:
             raise InvalidArgumentError(
                 f"spec must name an environment with {policy.observation_size} features, "
@@ -145,11 +136,8 @@ def film(spec: EnvironmentSpec, episode: Episode) -> WatchedEpisode:
     Raises:
         InvalidArgumentError: The environment draws no pictures, or the episode goes otherwise.
     """
-    with (
-        closing(make(spec, render_mode="rgb_array")) as env,
-        ThreadPoolExecutor(_ENCODERS) as encoders,
-    ):
-        filmed, is_over = _FilmedEnv(env, encoders), False
+    with closing(make(spec, render_mode="rgb_array")) as env:
+        filmed, is_over = _FilmedEnv(env), False
         seen = [filmed.reset(episode.seed)]
         for action in episode.actions.tolist():
             if not is_over:
@@ -172,10 +160,7 @@ def film_if_possible(spec: EnvironmentSpec, episode: Episode, *, by: str = "") -
 class _FilmedEnv(GuardedEnv):
     """Takes a picture after every reset and step; threads encode them while the episode goes on."""
 
-    def __init__(self, env: gymnasium.Env[Any, Any], encoders: ThreadPoolExecutor) -> None:
-        super().__init__(env)
-        self._encoders = encoders
-        self._taken: list[Future[bytes]] = []
+    _taken: list[Future[bytes]]
 
     @property
     def frames(self) -> tuple[bytes, ...]:
@@ -196,7 +181,7 @@ class _FilmedEnv(GuardedEnv):
     def _take(self) -> None:
         if len(self._taken) >= _AHEAD:
             self._taken[-_AHEAD].result()
-        self._taken.append(self._encoders.submit(encode, self.picture().copy()))
+        self._taken.append(_ENCODERS.submit(encode, self.picture().copy()))
 
 
 def encode(picture: NDArray[np.uint8]) -> bytes:
