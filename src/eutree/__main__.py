@@ -1,5 +1,6 @@
 """``python -m eutree`` and the ``eutree`` command."""
 
+import atexit
 import os
 import re
 import signal
@@ -20,6 +21,7 @@ def main() -> None:
     signal.signal(signal.SIGTERM, _interrupt)
     listens = signal.getsignal(signal.SIGINT) is not signal.SIG_IGN  # as not behind a shell
     warnings.formatwarning = _in_one_line
+    atexit.register(signal.signal, signal.SIGINT, signal.SIG_IGN)  # Python's own end would be hit
     try:
         from eutree.cli.main import run
 

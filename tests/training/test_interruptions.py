@@ -219,7 +219,11 @@ def test_a_signal_while_racing_saves_and_exits_and_the_run_can_be_resumed(whole,
 
 
 EARLY_AND_LATE = """
-import atexit, os, sys
+import os, sys
+
+class Late:
+    def __del__(self, kill=os.kill, number=os.getpid()):
+        kill(number, 2)
 
 class Struck:
     def find_spec(self, name, path=None, target=None):
@@ -228,7 +232,7 @@ class Struck:
 
 sys.meta_path.insert(0, Struck())
 if not "{module}":
-    atexit.register(os.kill, os.getpid(), 2)
+    sys.late = Late()
 """
 
 
@@ -247,7 +251,7 @@ def test_ctrl_c_at_either_end_of_the_process_is_quiet(way, module, tmp_path):
         capture_output=True,
         text=True,
     )
-    assert found.returncode == 130
+    assert found.returncode == (130 if module else 0)  # all is done when it ends
     assert found.stderr == ""
 
 
