@@ -19,7 +19,11 @@ PUBLIC |= {module.rpartition(".")[2]: module for module in eutree._MODULES}
 def imports_for_type_checkers() -> dict[str, str]:
     """Return the names imported under TYPE_CHECKING, as in the table: module or module:name."""
     tree = ast.parse(INIT.read_text())
-    block = next(node for node in tree.body if isinstance(node, ast.If))
+    block = next(
+        node
+        for node in tree.body
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
+    )
     found = {}
     for node in ast.walk(block):
         if isinstance(node, ast.ImportFrom) and node.module:
