@@ -200,20 +200,14 @@ def _absolute(parameter: click.Parameter, text: str) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class RunSettings:
-    """How a run goes that settings are known to work for: the table ``[run]`` of their file.
+    """How a run goes that settings are known to work for: the table ``[run]`` of their file."""
 
-    Attributes:
-        task: Id of the environment that they are for; "" where they do not say it.
-        expert: Who demonstrates where no demonstrations are given; None for nobody.
-        demonstrations: The number of its episodes.
-        race_share: Share of ``--steps`` that racing takes where no ``--race-steps`` are given.
-        arguments: Of the environment, where neither the user nor demonstrations say otherwise.
-    """
-
-    task: str = ""
-    expert: str | None = None
-    demonstrations: int = 0
+    task: str = ""  # id of the environment that they are for; "" where they do not say it
+    expert: str | None = None  # who demonstrates where no demonstrations are given; None for nobody
+    demonstrations: int = 0  # the number of its episodes
+    # Share of ``--steps`` that racing takes where no ``--race-steps`` are given
     race_share: float = 0.0
+    # Of the environment, where neither the user nor demonstrations say otherwise
     arguments: dict[str, Any] = field(default_factory=dict)
 
     @classmethod

@@ -117,15 +117,10 @@ MOST_CHANGES = 6
 
 @dataclass(frozen=True, eq=False)
 class PlayedDemo:
-    """Episodes of two policies from the same starts.
+    """Episodes of two policies from the same starts."""
 
-    Attributes:
-        before: Episodes of the expert tree.
-        after: Episodes of the compressed tree.
-    """
-
-    before: Sequence[Episode]
-    after: Sequence[Episode]
+    before: Sequence[Episode]  # episodes of the expert tree
+    after: Sequence[Episode]  # episodes of the compressed tree
 
     @classmethod
     def of(

@@ -117,14 +117,10 @@ COCHRAN = 25
 
 
 class Earned:
-    """Returns and successes of some episodes.
+    """Returns and successes of some episodes."""
 
-    Attributes:
-        returns: Undiscounted return of each episode.
-        successes: Whether each was a success; None where the environment reports none.
-    """
-
-    returns: Floats  # [E]
+    returns: Floats  # [E]; undiscounted return of each episode
+    # Whether each was a success; None where the environment reports none
     successes: Booleans | None  # [E]
 
     @property

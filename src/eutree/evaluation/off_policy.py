@@ -232,23 +232,15 @@ class Judge:
 
 @dataclass(frozen=True, eq=False)
 class Log:
-    """Recorded episodes in two parts.
+    """Recorded episodes in two parts."""
 
-    Attributes:
-        recorded: All of them.
-        known: Those that are learned from.
-        held_out: Those that judge.
-        expert: The tree to beat; None for that of ``fit``.
-        return_range: Lowest and highest return of an episode; None where they are not known.
-        seed: Seed of the division and of the estimates.
-    """
-
-    recorded: Demonstrations
-    known: Demonstrations
-    held_out: tuple[Episode, ...]
-    expert: TreePolicy | None = None
+    recorded: Demonstrations  # all of them
+    known: Demonstrations  # those that are learned from
+    held_out: tuple[Episode, ...]  # those that judge
+    expert: TreePolicy | None = None  # the tree to beat; None for that of ``fit``
+    # Lowest and highest return of an episode; None where they are not known
     return_range: tuple[float, float] | None = None
-    seed: int = 0
+    seed: int = 0  # seed of the division and of the estimates
 
     @classmethod
     def of(

@@ -48,22 +48,13 @@ BATCH = 64  # columns that are sorted together
 
 @dataclass(frozen=True)
 class _Rows:
-    """The steps of demonstrations.
-
-    Attributes:
-        columns: The features.
-        labels: The actions.
-        weights: How much each step counts.
-        last: The features at the step before; at an episode's first step its own.
-        part: The episode, or its substitute, that is left out as a whole.
-        n_classes: Number of actions.
-    """
+    """The steps of demonstrations."""
 
     columns: Floats  # [N, d]
     labels: Integers  # [N]
-    weights: Floats  # [N]
-    last: Floats  # [N, d]
-    part: Integers  # [N]
+    weights: Floats  # [N]; how much each step counts
+    last: Floats  # [N, d]; the features at the step before; at an episode's first step its own
+    part: Integers  # [N]; the episode, or its substitute, that is left out as a whole
     n_classes: int
 
     def with_column(self, column: Floats) -> "_Rows":
@@ -92,15 +83,10 @@ class _Rows:
 
 @dataclass(frozen=True)
 class _Trial:
-    """Trees by episodes left out.
+    """Trees by episodes left out."""
 
-    Attributes:
-        leaves: Of the tree without each fold.
-        agreement: Share of the steps of each episode that are decided as shown.
-    """
-
-    leaves: Integers  # [F]
-    agreement: Floats  # [E]
+    leaves: Integers  # [F]; of the tree without each fold
+    agreement: Floats  # [E]; share of the steps of each episode that are decided as shown
 
     @property
     def cost(self) -> tuple[float, float]:

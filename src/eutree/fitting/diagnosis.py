@@ -25,25 +25,16 @@ STILL = 0.5  # share of an episode's steps up to its end, all by one leaf: nothi
 
 @dataclass(frozen=True)
 class Harm:
-    """A leaf that ends episodes badly.
+    """A leaf that ends episodes badly."""
 
-    Attributes:
-        leaf: The number of the leaf.
-        ending: How these episodes end, in the environment's words.
-        share: Share of all episodes that fail with this ending.
-        share_in_leaf: Share of those that end in the leaf, or pass through it.
-        holds_on: Whether the leaf decides for at least half of such an episode, up to its end.
-        shown: How often each action was shown there.
-        below: The lowest return of a demonstration, which these episodes do not come to; None
-            where the environment reports failures itself.
-    """
-
-    leaf: int
-    ending: str
-    share: float
-    share_in_leaf: float
-    holds_on: bool
-    shown: tuple[int, ...]
+    leaf: int  # the number of the leaf
+    ending: str  # how these episodes end, in the environment's words
+    share: float  # share of all episodes that fail with this ending
+    share_in_leaf: float  # share of those that end in the leaf, or pass through it
+    holds_on: bool  # whether the leaf decides for at least half of such an episode, up to its end
+    shown: tuple[int, ...]  # how often each action was shown there
+    # The lowest return of a demonstration, which these episodes do not come to; None where the
+    # environment reports failures itself
     below: float | None = None
 
 

@@ -69,25 +69,16 @@ NONE = -2  # no run of keys before, or after
 
 @dataclass(frozen=True, eq=False)
 class KeyRuns:
-    """The kept transitions of demonstrations, as runs of one action.
+    """The kept transitions of demonstrations, as runs of one action."""
 
-    Attributes:
-        taught: The action to be imitated, [N].
-        episode: The number of the episode, [N].
-        run: The number of the run, [N].
-        from_start: Steps from the beginning of the run, [N].
-        to_end: Steps to the end of the run, [N].
-        before: The action taught before the run; ``NONE`` where the episode begins with it, [N].
-        after: The same behind it, [N].
-    """
-
-    taught: Integers  # [N]
-    episode: Integers  # [N]
-    run: Integers  # [N]
-    from_start: Integers  # [N]
-    to_end: Integers  # [N]
+    taught: Integers  # [N]; the action to be imitated
+    episode: Integers  # [N]; the number of the episode
+    run: Integers  # [N]; the number of the run
+    from_start: Integers  # [N]; steps from the beginning of the run
+    to_end: Integers  # [N]; steps to the end of the run
+    # The action taught before the run; ``NONE`` where the episode begins with it
     before: Integers  # [N]
-    after: Integers  # [N]
+    after: Integers  # [N]; the same behind it
 
     @classmethod
     def of(cls, demonstrations: Demonstrations) -> "KeyRuns":

@@ -27,15 +27,10 @@ Progress = Callable[[str, int, int], None]  # the purpose, episodes played for i
 
 @dataclass(frozen=True, eq=False)
 class Played:
-    """Episodes that a tree has played.
+    """Episodes that a tree has played."""
 
-    Attributes:
-        policy: The tree that played.
-        episodes: Its episodes, at least one.
-    """
-
-    policy: TreePolicy
-    episodes: tuple[Episode, ...]
+    policy: TreePolicy  # the tree that played
+    episodes: tuple[Episode, ...]  # its episodes, at least one
 
     @property
     def evaluation(self) -> Evaluation:
