@@ -30,18 +30,13 @@ Finish = Callable[[TreePolicy], TreePolicy]
 
 @dataclass(frozen=True, eq=False)
 class Front:
-    """The best tree of each size, and the one that is handed back.
+    """The best tree of each size, and the one that is handed back."""
 
-    Attributes:
-        picked: The tree to hand back; None where no other deserves it.
-        entries: The trees, the largest first, after the input; one that earned no more than a
-            smaller one is left out.
-        verdict: The pick beside the input; None without one.
-    """
-
-    picked: TreePolicy | None
+    picked: TreePolicy | None  # the tree to hand back; None where no other deserves it
+    # The trees, the largest first, after the input; one that earned no more than a smaller one is
+    # left out
     entries: tuple[FrontEntry, ...]
-    verdict: Comparison | None
+    verdict: Comparison | None  # the pick beside the input; None without one
 
 
 def front_of(

@@ -116,23 +116,14 @@ SELECTION_STARTS = 2 * N_STARTS  # of those that choose among prunings, and chos
 
 @dataclass(frozen=True)
 class Pruned:
-    """A tree cut to size.
-
-    Attributes:
-        policy: The tree that was cut.
-        method: ``"imagined"``, or ``"budget"`` where cutting by labels was better.
-        before: Score of the input in imagined episodes that chose nothing.
-        after: The same of the result.
-        asked: The trees that the model was asked about, the input first.
-        scores: Its imagined score of each, shape [n].
-    """
+    """A tree cut to size."""
 
     policy: TreePolicy
-    method: str
-    before: float
-    after: float
-    asked: tuple[TreePolicy, ...]
-    scores: Floats  # [n]
+    method: str  # ``"imagined"``, or ``"budget"`` where cutting by labels was better
+    before: float  # score of the input in imagined episodes that chose nothing
+    after: float  # the same of the result
+    asked: tuple[TreePolicy, ...]  # the trees that the model was asked about, the input first
+    scores: Floats  # [n]; its imagined score of each
 
     def check_order(self, returns: Floats) -> None:
         """Raise InvalidArgumentError unless the model orders the trees better than chance.

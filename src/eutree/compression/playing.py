@@ -102,25 +102,15 @@ class _Forest:
 
 @dataclass(eq=False)
 class Ground:
-    """The place where trees play, and how much they did.
-
-    Attributes:
-        env: The environment.
-        seed: Seed of all its episodes.
-        recipe: How other processes make it; None keeps all episodes in this one.
-        n_jobs: Processes, as joblib counts them.
-        stream: The use of the episodes.
-        steps: Environment steps so far.
-        episodes: Episodes so far.
-    """
+    """The place where trees play, and how much they did."""
 
     env: gymnasium.Env[Any, Any]
-    seed: int
-    recipe: Recipe | None = None
-    n_jobs: int | None = None
+    seed: int  # seed of all its episodes
+    recipe: Recipe | None = None  # how other processes make it; None keeps all episodes in this one
+    n_jobs: int | None = None  # processes, as joblib counts them
     stream: Stream = Stream.COMPRESSION
-    steps: int = 0
-    episodes: int = 0
+    steps: int = 0  # of the environment, so far
+    episodes: int = 0  # so far
     _seeds: dict[int, int] = field(default_factory=dict, repr=False)
 
     @property
@@ -199,19 +189,12 @@ class Ground:
 
 
 class PairedEpisodes(ABC):
-    """Episodes of a present tree from common starts, and those of challengers beside it.
+    """Episodes of a present tree from common starts, and those of challengers beside it."""
 
-    Attributes:
-        present: The tree that ran last.
-        returns: The return of each of its episodes.
-        features: The features at steps of its episodes.
-        scale: Width of the range of the first tree's returns.
-    """
-
-    present: TreePolicy
-    returns: Floats  # [E]
-    features: Floats  # [N, d]
-    scale: float | None = None
+    present: TreePolicy  # the tree that ran last
+    returns: Floats  # [E]; the return of each of its episodes
+    features: Floats  # [N, d]; the features at steps of its episodes
+    scale: float | None = None  # width of the range of the first tree's returns
 
     @property
     @abstractmethod

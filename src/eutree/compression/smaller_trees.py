@@ -23,17 +23,11 @@ WEIGHTS = ("visits", "q-gap")
 
 @dataclass(frozen=True, eq=False)
 class Costs:
-    """Cost of each action on each recorded observation.
+    """Cost of each action on each recorded observation."""
 
-    Attributes:
-        rows: The recorded observations.
-        of_action: Cost of each action on each of them; 0 for the policy's own.
-        worst: Cost of the most expensive decisions, of which costs are a share.
-    """
-
-    rows: Floats  # [N, d]
-    of_action: Floats  # [N, A]
-    worst: float
+    rows: Floats  # [N, d]; the recorded observations
+    of_action: Floats  # [N, A]; cost of each action on each of them; 0 for the policy's own
+    worst: float  # cost of the most expensive decisions, of which costs are a share
 
     @classmethod
     def of(cls, policy: TreePolicy, rows: Floats, weights: str) -> "Costs":

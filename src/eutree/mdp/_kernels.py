@@ -27,21 +27,13 @@ NO_TRANSITION = -2
 
 
 class CountArrays(NamedTuple):
-    """The counts of transitions; S is how many states there is room for.
+    """The counts of transitions; S is how many states there is room for."""
 
-    Attributes:
-        table: Where each row of counts begins, its size and its capacity.
-        pool: The entries of all rows: key and count.
-        counters: Entries used of the pool, and number of states.
-        visits: N(s, a).
-        reward_sums: Sum of the rewards of each state and action.
-    """
-
-    table: Int32s  # [S (A + 1), 3]
-    pool: Int32s  # [K, 2]
-    counters: Integers  # [2]
-    visits: Integers  # [S, A]
-    reward_sums: Floats  # [S, A]
+    table: Int32s  # [S (A + 1), 3]; where each row of counts begins, its size and its capacity
+    pool: Int32s  # [K, 2]; the entries of all rows: key and count
+    counters: Integers  # [2]; entries used of the pool, and number of states
+    visits: Integers  # [S, A]; N(s, a)
+    reward_sums: Floats  # [S, A]; sum of the rewards of each state and action
 
 
 class DiscreteTransitions(NamedTuple):

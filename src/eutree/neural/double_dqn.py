@@ -313,17 +313,12 @@ class DoubleDQN:
 
 @dataclass(frozen=True, eq=False)
 class Stretches:
-    """The next n steps from each step of an episode.
+    """The next n steps from each step of an episode."""
 
-    Attributes:
-        earned: Discounted sum of their rewards.
-        end: Number of the observation they end at; the last one where the episode is shorter.
-        discounts: Weight of the value there; 0 where the task ended.
-    """
-
-    earned: Floats  # [T]
+    earned: Floats  # [T]; discounted sum of their rewards
+    # Number of the observation they end at; the last one where the episode is shorter
     end: Integers  # [T]
-    discounts: Floats  # [T]
+    discounts: Floats  # [T]; weight of the value there; 0 where the task ended
 
 
 def stretches(rewards: Floats, discount: float, n_steps: int, *, terminated: bool) -> Stretches:

@@ -67,27 +67,16 @@ class EnsembleSettings:
 
 @dataclass(frozen=True, eq=False)
 class Scales:
-    """The units of the networks' inputs and outputs.
+    """The units of the networks' inputs and outputs."""
 
-    Attributes:
-        centre: Mean of each input that is no action.
-        spread: Its standard deviation and a twentieth of its range.
-        move: Displacement that counts 1.
-        moves: Least and largest displacement, a few in ten thousand left out.
-        binary: Which features have two values only.
-        low: Least value of each feature.
-        high: Largest value of each feature.
-        earned: Mean, unit, least and largest reward of each kind of step.
-    """
-
-    centre: Floats  # [p - A]
-    spread: Floats  # [p - A]
-    move: Floats  # [d]
-    moves: Floats  # [d, 2]
-    binary: Booleans  # [d]
-    low: Floats  # [d]
-    high: Floats  # [d]
-    earned: Floats  # [3, 4]
+    centre: Floats  # [p - A]; mean of each input that is no action
+    spread: Floats  # [p - A]; its standard deviation and a twentieth of its range
+    move: Floats  # [d]; displacement that counts 1
+    moves: Floats  # [d, 2]; least and largest displacement, a few in ten thousand left out
+    binary: Booleans  # [d]; which features have two values only
+    low: Floats  # [d]; least value of each feature
+    high: Floats  # [d]; largest value of each feature
+    earned: Floats  # [3, 4]; mean, unit, least and largest reward of each kind of step
 
     @classmethod
     def of(cls, data: Transitions) -> "Scales":
@@ -136,25 +125,15 @@ class Scales:
 
 @dataclass(frozen=True, eq=False)
 class Ensemble:
-    """A fitted ensemble.
+    """A fitted ensemble."""
 
-    Attributes:
-        settings: How it was fitted.
-        scales: Of inputs and outputs.
-        weights: Of each member.
-        n_actions: Number of actions A.
-        starts: First observations of the stored episodes.
-        horizon: Steps after which a rollout is cut.
-        returns: The 1st and 98th percentile of the stored episodes' returns.
-    """
-
-    settings: EnsembleSettings
-    scales: Scales
-    weights: Float32s  # [M, P]
+    settings: EnsembleSettings  # how it was fitted
+    scales: Scales  # of inputs and outputs
+    weights: Float32s  # [M, P]; of each member
     n_actions: int
-    starts: Floats  # [E, d]
-    horizon: int
-    returns: tuple[float, float]
+    starts: Floats  # [E, d]; first observations of the stored episodes
+    horizon: int  # steps after which a rollout is cut
+    returns: tuple[float, float]  # the 1st and 98th percentile of the stored episodes' returns
 
     @property
     def world(self) -> EnsembleWorld:
