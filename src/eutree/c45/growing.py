@@ -103,20 +103,12 @@ EPSILON = 1e-3  # release 8's tolerance: average filter, split information, coll
 
 @dataclass
 class Training:
-    """The training set before the first test.
+    """The training set before the first test."""
 
-    Attributes:
-        observations: Numbers, codes of nominal values, NaN where unknown.
-        actions: Class of each row.
-        weights: Weight of each row.
-        n_values: Number of values of each nominal attribute; 0 for a continuous one.
-        n_classes: Number of classes.
-    """
-
-    observations: Floats  # [N, d]
-    actions: Int16s  # [N]
-    weights: Floats  # [N]
-    n_values: Int32s  # [d]
+    observations: Floats  # [N, d]; numbers, codes of nominal values, NaN where unknown
+    actions: Int16s  # [N]; class of each row
+    weights: Floats  # [N]; weight of each row
+    n_values: Int32s  # [d]; number of values of each nominal attribute; 0 for a continuous one
     n_classes: int
     table: Floats = field(init=False)  # [W + 1] x log2 x of whole weights; [0] if others exist
 

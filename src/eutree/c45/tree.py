@@ -229,16 +229,11 @@ def _branches(known: C45Tree, node: int) -> tuple[int, list[tuple[float, int]]]:
 
 @dataclass(frozen=True)
 class C45Names:
-    """Names of the numbers of a tree.
+    """Names of the numbers of a tree."""
 
-    Attributes:
-        features: Names of the attributes.
-        classes: Names of the classes.
-        values: Names of the values of each nominal attribute; empty for a continuous one.
-    """
-
-    features: tuple[str, ...]
-    classes: tuple[str, ...]
+    features: tuple[str, ...]  # names of the attributes
+    classes: tuple[str, ...]  # names of the classes
+    # Names of the values of each nominal attribute; empty for a continuous one
     values: tuple[tuple[str, ...], ...]
 
 

@@ -21,17 +21,12 @@ from eutree.trees.tree import depths
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """Places of all nodes; no two nodes share a place and no two branches cross.
+    """Places of all nodes; no two nodes share a place and no two branches cross."""
 
-    Attributes:
-        row: Row of each node, from 0 at the top; an inner node is midway between its children.
-        column: Number of tests above each node.
-        n_rows: Number of rows, one for each leaf.
-    """
-
+    # Row of each node, from 0 at the top; an inner node is midway between its children
     row: Floats  # [M]
-    column: Integers  # [M]
-    n_rows: int
+    column: Integers  # [M]; number of tests above each node
+    n_rows: int  # number of rows, one for each leaf
 
 
 def layout(tree: DecisionTree) -> Layout:

@@ -24,13 +24,9 @@ _AT_ONCE = 1 << 16
 
 @dataclass(frozen=True, eq=False)
 class StateGrid:
-    """A partition of the states into boxes.
+    """A partition of the states into boxes."""
 
-    Attributes:
-        edges: Bounds of the cells along each number, in order: shapes [n_j + 1].
-    """
-
-    edges: tuple[Floats, ...]
+    edges: tuple[Floats, ...]  # bounds of the cells along each number, in order: shapes [n_j + 1]
 
     @classmethod
     def of(cls, plant: Plant, refine: int) -> "StateGrid":
@@ -86,19 +82,12 @@ class StateGrid:
 
 @dataclass(frozen=True, eq=False)
 class Invariant:
-    """The largest safe set that was found.
-
-    Attributes:
-        grid: The cells.
-        safe: Which of them no step of the policy leaves, and keep the conditions.
-        starts: Which of them hold a start.
-        sweeps: How often all cells were looked at.
-    """
+    """The largest safe set that was found."""
 
     grid: StateGrid
-    safe: Booleans  # [C]
-    starts: Booleans  # [C]
-    sweeps: int
+    safe: Booleans  # [C]; which of them no step of the policy leaves, and keep the conditions
+    starts: Booleans  # [C]; which of them hold a start
+    sweeps: int  # how often all cells were looked at
 
     @property
     def open_cells(self) -> Booleans:

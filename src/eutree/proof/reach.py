@@ -83,27 +83,18 @@ class Acting:
 
 @dataclass(frozen=True, eq=False)
 class _Boxes:
-    """Boxes on their way.
+    """Boxes on their way."""
 
-    Attributes:
-        start_low: Lower bounds of the starts.
-        start_high: Upper bounds of the starts.
-        center: Where the middle of their starts is.
-        slope: Half of how it changes across them, along each number of the start that varies.
-        error: Greatest deviation from that.
-        steps: How many steps they have gone.
-        owner: Number of the piece of which a box is one branch of several; -1 where it is all.
-        branches: How often several actions were followed.
-    """
-
-    start_low: Floats  # [d, N]
-    start_high: Floats  # [d, N]
-    center: Floats  # [d, N]
+    start_low: Floats  # [d, N]; lower bounds of the starts
+    start_high: Floats  # [d, N]; upper bounds of the starts
+    center: Floats  # [d, N]; where the middle of their starts is
+    # Half of how it changes across them, along each number of the start that varies
     slope: Floats  # [d, k, N]
-    error: Floats  # [d, N]
-    steps: Integers  # [N]
+    error: Floats  # [d, N]; greatest deviation from that
+    steps: Integers  # [N]; how many steps they have gone
+    # Number of the piece of which a box is one branch of several; -1 where it is all
     owner: Integers  # [N]
-    branches: Integers  # [N]
+    branches: Integers  # [N]; how often several actions were followed
 
     @classmethod
     def beginning(cls, low: Floats, high: Floats, varies: Booleans) -> "_Boxes":

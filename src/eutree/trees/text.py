@@ -99,18 +99,13 @@ def quoted(name: str) -> str:
 
 
 class AskedTest(NamedTuple):
-    """A test of a tree as its words have it.
+    """A test of a tree as its words have it."""
 
-    Attributes:
-        number: Which feature is tested.
-        feature: The feature, with the categories alone that the tests above leave to it: so after
-            ``mode is A`` the next test is ``mode is B``, not ``mode is A,B``.
-        threshold: The largest value that goes left.
-    """
-
-    number: int
+    number: int  # which feature is tested
+    # The feature, with the categories alone that the tests above leave to it: so after
+    # ``mode is A`` the next test is ``mode is B``, not ``mode is A,B``
     feature: Feature
-    threshold: float
+    threshold: float  # the largest value that goes left
 
     def condition(self, digits: Digits | None = None) -> str:
         """Return the left branch in words, for example ``opponent_1 <= 8.25 m``.
@@ -233,20 +228,13 @@ def meaning(feature: Feature) -> str:
 
 @dataclass(frozen=True)
 class Syntax:
-    """How a language writes nested rules; each entry gives one line without its indentation.
+    """How a language writes nested rules; each entry gives one line without its indentation."""
 
-    Attributes:
-        opening: The first test of a chain, of the given node.
-        chained: A further test of a chain, of the given node.
-        otherwise: The line before the last branch of a chain.
-        closing: The line that ends a chain; empty where the indentation does.
-        leaf: The action at a leaf (or at a node that is cut off), of the given node.
-    """
-
-    opening: Callable[[int], str]
-    chained: Callable[[int], str]
-    otherwise: str
-    closing: str
+    opening: Callable[[int], str]  # the first test of a chain, of the given node
+    chained: Callable[[int], str]  # a further test of a chain, of the given node
+    otherwise: str  # the line before the last branch of a chain
+    closing: str  # the line that ends a chain; empty where the indentation does
+    # The action at a leaf (or at a node that is cut off), of the given node
     leaf: Callable[[int], str]
 
 
