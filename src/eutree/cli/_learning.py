@@ -28,10 +28,6 @@ class Following:
     """Keeps the command in the run's folder, and shows where the run stands.
 
     That is how much of the budget is used, and the present policy.
-
-    Args:
-        progress: The line to show it on.
-        out: The run's folder.
     """
 
     def __init__(self, progress: ProgressLine, out: Path) -> None:

@@ -48,12 +48,7 @@ PARTS = re.compile(
 
 
 class ResultCommand(click.Command):
-    """A command that returns its ``Result``, which is printed here: with ``--json`` as one object.
-
-    Args:
-        arguments: As click has them.
-        more: As click has them.
-    """
+    """A command that returns its ``Result``, which is printed here: with ``--json`` as one object."""
 
     def __init__(self, *arguments: Any, **more: Any) -> None:
         super().__init__(*arguments, **more)
@@ -167,12 +162,7 @@ class Written(click.Path):
 
 
 def check_outputs(command: click.Command, given: dict[str, Any]) -> None:
-    """Raise InvalidArgumentError where an output of a command would overwrite an input.
-
-    Args:
-        command: The command that is about to run.
-        given: The texts given for its parameters, by the parameters' names.
-    """
+    """Raise InvalidArgumentError where an output of a command would overwrite an input."""
     inputs = list(_paths(command, given, written=False))
     for output, target in _paths(command, given, written=True):
         if given.get("resume") and os.path.isdir(target):

@@ -46,11 +46,7 @@ class Result(NamedTuple):
 
 
 class Output:
-    """Prints the result of a command once, as text or as one JSON object.
-
-    Args:
-        as_json: Whether ``--json`` was given.
-    """
+    """Prints the result of a command once, as text or as one JSON object."""
 
     def __init__(self, *, as_json: bool) -> None:
         from rich.console import Console

@@ -242,10 +242,6 @@ def cuts(policy: TreePolicy, log: FittedLog) -> list[TreePolicy]:
     """Return a tree, and the same cut to a half, a quarter and an eighth of its leaves.
 
     A tree with locked leaves stays as it is.
-
-    Args:
-        policy: The tree.
-        log: Episodes that give the worth of its actions.
     """
     if policy.locked:
         return [policy]

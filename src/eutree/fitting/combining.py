@@ -105,12 +105,7 @@ class _Trial:
 
 
 def propose(demonstrations: Demonstrations, settings: C45Settings) -> tuple[Proposal, ...]:
-    """Return the derived features that are worth declaring, each beside those before it.
-
-    Args:
-        demonstrations: The demonstrations from which a tree is fitted.
-        settings: The choices of C4.5.
-    """
+    """Return the derived features that are worth declaring, each beside those before it."""
     rows, schema = _rows(demonstrations), demonstrations.schema
     if rows is None:
         return ()

@@ -170,13 +170,7 @@ def _doubtful(played: Played, so: Booleans, paths: list[Integers], shown: Intege
 
 
 def in_words(harm: Harm, policy: TreePolicy, n_shown: int) -> str:
-    """Return the harm of a leaf and its cause, in words.
-
-    Args:
-        harm: The leaf and the endings of its episodes.
-        policy: The tree of the leaf.
-        n_shown: How many steps were shown in all.
-    """
+    """Return the harm of a leaf and its cause, in words."""
     taken, region = leaf_in_words(policy, harm.leaf)
     how = "hold on to the end in" if harm.holds_on else "pass through"
     bad = f"of the episodes end badly, in {harm.ending!r}"

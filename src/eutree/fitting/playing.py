@@ -115,13 +115,7 @@ class Player:
             self.on_progress(self._stage, count, max(count, self._most))
 
     def contest(self, rule: Halving, trees: Sequence[TreePolicy], block: int) -> tuple[int, Played]:
-        """Return the number of the winner, the first of equals, and its play.
-
-        Args:
-            rule: Decides when a tree drops out.
-            trees: The entrants, at least one.
-            block: Where their episodes come from.
-        """
+        """Return the number of the winner, the first of equals, and its play."""
         plays: dict[int, Played] = {}
 
         def run(tree: int, starts: Sequence[int]) -> Floats:

@@ -335,12 +335,7 @@ def stretches(rewards: Floats, discount: float, n_steps: int, *, terminated: boo
 
 
 def reward_scale_of(rewards: Sequence[Floats], discount: float) -> float:
-    """Return the factor that makes the largest discounted return of some episodes ten.
-
-    Args:
-        rewards: Rewards of each episode, each of shape [T].
-        discount: gamma.
-    """
+    """Return the factor that makes the largest discounted return of some episodes ten."""
     largest = 0.0
     for of_episode in rewards:
         value = 0.0

@@ -41,12 +41,7 @@ class RankCorrelation:
 
 
 def rank_correlation(first: Floats, second: Floats) -> RankCorrelation:
-    """Return the rank correlation of two vectors [n], ties at their mean rank.
-
-    Args:
-        first: One value of each pair, such as an imagined return.
-        second: The other.
-    """
+    """Return the rank correlation of two vectors [n], ties at their mean rank."""
     if first.size < 3 or np.ptp(first) == 0.0 or np.ptp(second) == 0.0:
         return RankCorrelation(first.size, float("nan"), -1.0, 1.0)
     value = float(np.corrcoef(ranks(first), ranks(second))[0, 1])

@@ -14,13 +14,7 @@ BOX_ROWS = 300  # looked at for the other edges of a box
 
 
 class Variation:
-    """Makes variants of a policy tree.
-
-    Args:
-        n_actions: Number of actions A.
-        max_leaves: Most leaves of a variant.
-        generator: Source of all chance.
-    """
+    """Makes variants of a policy tree."""
 
     def __init__(self, n_actions: int, max_leaves: int, generator: np.random.Generator) -> None:
         self._n_actions = n_actions

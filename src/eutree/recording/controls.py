@@ -103,10 +103,6 @@ class Pace:
 class Controls:
     """The keys under a person's hands, in three modes (hold, toggle, turn-based), and their pace.
 
-    Args:
-        keys: The meaning of the keys.
-        pace: The times at which steps are due.
-
     Attributes:
         keys: The meaning of the keys.
         pace: The times at which steps are due.

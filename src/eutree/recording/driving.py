@@ -24,11 +24,6 @@ class Driving:
 
     After an episode whose failure is explained it waits for a key; after any other it goes on
     by itself.
-
-    Args:
-        env: The environment of the session.
-        play: Shows the pictures and keeps the pace.
-        recording: Takes the corrected episodes.
     """
 
     def __init__(self, env: GuardedEnv, play: Play, recording: Recording) -> None:

@@ -221,11 +221,7 @@ CHANGES = 6  # boxes that are named of each step
 
 
 def front_in_words(front: Sequence[FrontEntry]) -> str:
-    """Return the mean return of each size, in a line.
-
-    Args:
-        front: The learned tree and the best tree of each size, the largest first.
-    """
+    """Return the mean return of each size, in a line."""
     return "; ".join(f"{counted(one.policy.n_leaves, 'leaf')}: {_earned(one)}" for one in front)
 
 
@@ -251,11 +247,7 @@ def front_section(front: Sequence[FrontEntry], picked: int | None) -> str:
 
 
 def front_charts(front: Sequence[FrontEntry]) -> list[str]:
-    """Return the return of each size, and its share of successes where that is reported, drawn.
-
-    Args:
-        front: The learned tree and the best tree of each size, the largest first.
-    """
+    """Return the return of each size, and its share of successes where that is reported, drawn."""
     rates = [(one, one.success_rate) for one in front if one.success_rate is not None]
     charts = [_chart("mean return", [(one, one.mean_return) for one in front])] if front else []
     return [*charts, _chart("share of successes", rates, percent=True)] if rates else charts

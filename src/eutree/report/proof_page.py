@@ -16,13 +16,7 @@ _COLOURS = {OPEN: "#000000", FAILS: "#d62728", EMPTY: ""}
 
 
 def proof_page(certificate: Certificate, *, title: str, policy: TreePolicy) -> str:
-    """Return one self-contained HTML page of a certificate.
-
-    Args:
-        certificate: The properties proven of the policy, and how.
-        title: The subject: the environment.
-        policy: The policy, whose rules the page shows.
-    """
+    """Return one self-contained HTML page of a certificate."""
     rules = f"<h2>The policy</h2><pre>{escape(str(policy))}</pre>"
     top = head(title, [certificate.sentence], [_facts(certificate)])
     parts = [_table(certificate), *(drawn(one, "h2") for one in certificate.pictures), rules]

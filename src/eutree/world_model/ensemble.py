@@ -210,13 +210,7 @@ class Ensemble:
 def fit_ensemble(
     data: Transitions, settings: EnsembleSettings, generator: np.random.Generator
 ) -> Ensemble:
-    """Fit a new ensemble.
-
-    Args:
-        data: All transitions; at least one.
-        settings: How.
-        generator: Source of first weights and batches.
-    """
+    """Fit a new ensemble to transitions, at least one."""
     data = replace(data, memory=settings.memory)
     scales = Scales.of(data)
     empty = Ensemble(
