@@ -48,7 +48,7 @@ PARTS = re.compile(
 
 
 class ResultCommand(click.Command):
-    """A command that returns its ``Result``, which is printed here: with ``--json`` as one object."""
+    """A command that returns its ``Result``, printed here: with ``--json`` as one object."""
 
     def __init__(self, *arguments: Any, **more: Any) -> None:
         super().__init__(*arguments, **more)
