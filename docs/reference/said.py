@@ -54,6 +54,7 @@ SHAPES = r"must (have|be) (the |finite numbers of )?shapes?\b|\b(entries|rows?|c
 FAMILIES = (  # the first that has a sentence
     Family("warnings", "warning"),
     Family("names", "UnknownNameError"),
+    Family("names", ARGUMENT, r"interaction/making", r"is a tree of the zoo|example of the repos"),
     Family("extras", "MissingExtraError"),
     Family("spaces", "UnsupportedSpaceError"),
     Family("environments", "EnvironmentFault|ResetNeeded"),
