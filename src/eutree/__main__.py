@@ -6,6 +6,7 @@ import re
 import signal
 import sys
 import warnings
+from collections import namedtuple
 from types import FrameType
 
 _OF_GYMNASIUM = re.compile(r"^\x1b\[\d+mWARN: |\x1b\[\d+m")
@@ -33,6 +34,9 @@ def main() -> None:
     finally:
         if listens:
             signal.signal(signal.SIGINT, lambda *_: os._exit(128 + signal.SIGINT))
+    # CPython takes an interrupt of a text that was under way in ``exec`` for unhandled, whoever has
+    # handled it, and ends by the signal, unless another text has run since: this evaluates one.
+    namedtuple("Ended", ())
     sys.exit(code)
 
 

@@ -250,9 +250,35 @@ def test_ctrl_c_at_either_end_of_the_process_is_quiet(way, module, tmp_path):
         env=os.environ | {"PYTHONPATH": places},
         capture_output=True,
         text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # behind a shell it is not
     )
     assert found.returncode == (130 if module else 0)  # all is done when it ends
     assert found.stderr == ""
+
+
+IN_A_TEXT = """
+import sys
+
+class Struck:
+    def find_spec(self, name, path=None, target=None):
+        if name == "eutree.cli.main":
+            exec("raise KeyboardInterrupt")
+
+sys.meta_path.insert(0, Struck())
+"""
+
+
+@pytest.mark.promise(12)
+def test_ctrl_c_in_a_text_that_is_executed_ends_with_its_code(tmp_path):
+    """Python ended by the signal after all: dataclasses and others make functions of texts."""
+    (tmp_path / "sitecustomize.py").write_text(IN_A_TEXT)
+    places = os.pathsep.join([str(tmp_path), *filter(None, [os.environ.get("PYTHONPATH")])])
+    found = subprocess.run(
+        [sys.executable, "-m", "eutree", "--version"],
+        env=os.environ | {"PYTHONPATH": places},
+        capture_output=True,
+    )
+    assert (found.returncode, found.stderr) == (130, b"")
 
 
 STRUCK = """
