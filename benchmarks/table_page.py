@@ -214,7 +214,8 @@ benchmarks.table_page`; every run is a row in `docs/results/table/`. The setting
 seeds from 20,000 on. A cell that was made of fewer than ten runs says so; an empty one was not run
 yet. Of the tasks that plan, runs of 500,000 steps and more from before 3aeda195 did not
 [begin again](../decisions/racing.md) in their races; Acrobot's rows from before it had a [teacher
-of one value](../decisions/distilled-dqn.md) that learned from its own steps alone.
+of one value](../decisions/distilled-dqn.md) that learned from its own steps alone; rows of Acrobot,
+LunarLander, Pendulum and two tanks from before 5e259719 pruned all recipes of large trees alike.
 
 `dagger` and `viper` are CART by DAgger and VIPER from a DQN of Stable-Baselines3, with its zoo's
 settings and four fifths of the steps; `network` is that DQN with all of them and no tree at all.
@@ -249,13 +250,14 @@ again](../decisions/racing.md) from trees of good episodes |
 with the true dynamics](../decisions/racing.md) end at -98.65 with 5 leaves, nine of ten: no tree \
 that earns -98.5 is known; the tree of 8 copied by DAgger; [sets of \
 actions](../decisions/labels-as-sets.md) as labels: -101.9 |
-| Acrobot -80 with 8 leaves, 100 k | -83.9, the best run -81.0; with 16 leaves -84.7; in 500 k \
--82.6 with 8 | [a teacher that learns on, by quantiles](../decisions/distilled-dqn.md): 2.7 more; \
-now its copies of 8 leaves lose; sets of actions: no swing |
-| LunarLander 200 with 34, 160 with 20, 500 k | 166.8, 133.6; the table's own seeds 145.3 with 32, \
-126.1 with 16 | [better copies of the teacher, revisions of the policy](../decisions/\
-distilled-dqn.md): no gain; next: the steps of rounds whose rivals never win into more prunings of \
-the first |
+| Acrobot -80 with 8 leaves, 100 k | -82.7, the best run -79.8; with 16 leaves -84.7; in 500 k \
+-82.6 with 8 | [a teacher that learns on, by quantiles, and ten prunings for six that \
+race](../decisions/distilled-dqn.md): 3.8 more; now its copies of 8 leaves lose; sets of actions: \
+no swing |
+| LunarLander 200 with 34, 160 with 20, 500 k | 177.1 with 32, 126.1 with 16 | [most prunings of the \
+recipe that the model scores best](../decisions/distilled-dqn.md): 31.8 more with 32; better copies \
+of the teacher, revisions of the policy: no gain; next: the steps of rounds whose challengers never \
+win into more prunings of the first |
 | LunarLander 230 with 34, 1 M | 180.3 with 32, three runs | twice the steps of races |"""
 
 

@@ -116,7 +116,10 @@ def proof_of(card: zoo.Card) -> str:
     """Return what ``eutree prove`` answers of a tree."""
     more = ["--import", card.module] if card.module else []
     line = [sys.executable, "-m", "eutree", "prove", f"zoo:{card.name}", "--json", *more]
-    found = json.loads(subprocess.run(line, cwd=ROOT, stdout=subprocess.PIPE).stdout)
+    done = subprocess.run(line, cwd=ROOT, capture_output=True, text=True)
+    if not done.stdout:
+        return f"refused: {done.stderr.strip().removeprefix('error: ')}"
+    found = json.loads(done.stdout)
     return f"{found['verdict']} ({found['kind']}): {found['sentence']}"
 
 
