@@ -171,7 +171,7 @@ class ImaginedChallengers:
         recipes apart where it cannot tell such trees apart. So each has a tree, and the others are
         of the recipe whose trees score best in imagined episodes that have chosen none of them.
         """
-        made: list[tuple[float, RacedTree]] = []
+        made: list[RacedTree] = []
         large: dict[Recipe, ActionTree] = {}
         scores: dict[Recipe, list[float]] = {recipe: [] for recipe in RECIPES}
         while len(made) < len(RECIPES) + n:
@@ -181,12 +181,11 @@ class ImaginedChallengers:
                 rows, leaves = self._experience.history.observations, times * self._max_leaves
                 large[recipe] = self._students.fit(rows, leaves, weighted=weighted)
             rollouts = EnsembleRollouts(ensemble, N_STARTS, generator)
-            tree, own = pruned_by_rollouts(large[recipe], rollouts, self._max_leaves, generator)
-            scores[recipe].append(judge.score(judge.returns_of(tree)))
-            one = RacedTree(tree, "pruned-weighted" if weighted else "pruned", own)
-            made.append((scores[recipe][-1], one))
-        made.sort(key=lambda one: -one[0])
-        return [tree for _, tree in made[:n]]
+            tree, _ = pruned_by_rollouts(large[recipe], rollouts, self._max_leaves, generator)
+            score = judge.score(judge.returns_of(tree))
+            scores[recipe].append(score)
+            made.append(RacedTree(tree, "pruned-weighted" if weighted else "pruned", score))
+        return sorted(made, key=lambda one: -one.imagined)[:n]
 
     def imagine(
         self, raced: Sequence[RacedTree], policy: ActionTree, generator: np.random.Generator
