@@ -324,7 +324,7 @@ def _read(path: Path) -> dict[str, Any]:
 
     if in_zoo(path):
         path = settings_of(str(path))
-    elif str(path) in tasks() and not path.exists():
+    elif not path.exists() and str(path) in tasks():
         raise FileError("read", path, f"no such file; those of the zoo are --settings zoo:{path}")
     data = read_bytes(path, limit=_MOST)
     try:
