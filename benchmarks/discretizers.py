@@ -16,6 +16,7 @@ import itertools
 import sys
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import gymnasium
@@ -27,12 +28,15 @@ from eutree.learners.registry import method, with_choices
 from eutree.policies import TreePolicy
 from eutree.trees import DecisionTree
 from eutree_lab.parti_game.cells import GOAL, Cells
-from eutree_lab.parti_game.displacements import GivenController, LearnedController
+from eutree_lab.parti_game.displacements import LearnedController
 from eutree_lab.parti_game.game import GOES_ON, TAKEN_BACK, GameRules, PartiGame
 from eutree_lab.tasks.maze import MOVES
 from eutree_lab.vrd.corner_process import KnownWorld, Solved, solved
 from eutree_lab.vrd.influence import CRITERIA, refined
 from eutree_lab.vrd.kuhn import Grid
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from tests.lab.methods.worlds import GivenController
 
 PUBLISHED = {  # Al-Ansari 2001, table 5: trials, cells, steps, final path; means of 40
     "MazeA": (9, 34, 3536, 298),

@@ -505,7 +505,7 @@ def policy_of(folder: Path) -> TreePolicy:
         return TreePolicy.load(folder / "policy.json")
     expert = TreePolicy.load(folder / "expert.json")
     _, arrays = read_archive(folder / "checkpoint.npz", CheckpointDocument, limit=MAX_CHECKPOINT)
-    incumbent = int(arrays["numbers"][NUMBERS.index("incumbent")])
+    incumbent = int(arrays["numbers"][NUMBERS.index("races.incumbent")])
     tree = raced_trees_of(folder)[incumbent].tree
     structure, actions = to_decision_tree(tree, expert.tree.n_features)
     return replace(expert, tree=structure, actions=actions, leaves=None, locked=())

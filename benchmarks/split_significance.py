@@ -10,17 +10,23 @@ from pathlib import Path
 
 import numpy as np
 
-from eutree.splitting import KolmogorovSmirnov, LeafSample, Maximal, Naive, Permutation
-from eutree.splitting.significance import Significance
+from eutree.splitting import (
+    KolmogorovSmirnov,
+    LeafSample,
+    Maximal,
+    Naive,
+    Permutation,
+    SignificanceTest,
+)
 
 ALPHA = 0.05
 SEED = 20060626
-TESTS: dict[str, Significance] = {
+TESTS: dict[str, SignificanceTest] = {
     "naive": Naive(ALPHA),
     "maximal": Maximal(ALPHA),
     "permutation": Permutation(alpha=ALPHA, n_permutations=199),
 }
-BY_EPISODE: dict[str, Significance] = {
+BY_EPISODE: dict[str, SignificanceTest] = {
     "by tuple": Permutation(alpha=ALPHA, n_permutations=199),
     "by episode": Permutation(alpha=ALPHA, n_permutations=199, by_episode=True),
 }
@@ -98,7 +104,9 @@ WHOLE: dict[str, tuple[Leaf, int]] = {
 }
 
 
-def share(test: Significance, search: KolmogorovSmirnov, make: Leaf, n: int, leaves: int) -> float:
+def share(
+    test: SignificanceTest, search: KolmogorovSmirnov, make: Leaf, n: int, leaves: int
+) -> float:
     """Return the share of leaves in which the best split is accepted."""
     generator = np.random.default_rng((SEED, n))
     accepted = 0

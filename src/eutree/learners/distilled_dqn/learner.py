@@ -298,7 +298,7 @@ class DistilledDQNLearner:
 
 # The state.
 
-_NUMBERS = (
+NUMBERS = (
     "steps", "stage", "dagger.labelled_from", "dagger.round_from", "races.incumbent", "races.number"
 )  # fmt: skip
 
@@ -306,7 +306,7 @@ _NUMBERS = (
 def _are_numbers(found: Found) -> None:
     """Demonstrations are a part of all that a learner has lived."""
     most = (MOST, len(Stage) - 1, found.sizes["N"], MOST, found.sizes["T"] - 1, 2**31)
-    for name, number, bound in zip(_NUMBERS, found.state["numbers"].tolist(), most, strict=True):
+    for name, number, bound in zip(NUMBERS, found.state["numbers"].tolist(), most, strict=True):
         if not 0 <= number <= bound:
             raise found.refuse("numbers", f"{name} must be in 0..{bound}")
     n_shown = found.sizes["shown"]
@@ -404,9 +404,7 @@ _RACE = Part(
     save=Races.race_state,
     make=lambda learner, state: learner.races.take_back(state),
 )
-_NUMBERS_PART = Part(
-    {"numbers": Stored("i8", (len(_NUMBERS),), at=" ".join(_NUMBERS))}, _are_numbers
-)
+_NUMBERS_PART = Part({"numbers": Stored("i8", (len(NUMBERS),), at=" ".join(NUMBERS))}, _are_numbers)
 
 
 def parts_of(start: Start) -> tuple[Part, ...]:
