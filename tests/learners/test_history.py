@@ -1,6 +1,10 @@
 """The history's labels and lists always equal those of a naive recount."""
 
+import copy
+import pickle
+
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -78,6 +82,17 @@ def test_targets_equal_their_definitions(seed, decay):
     returns = [naive_learning.lambda_target(history, r, values, greedy, 0.9, decay) for r in rows]
     got = LambdaReturn(decay).of(history, rows, **given_)
     np.testing.assert_allclose(got, returns, atol=1e-12)
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda one: pickle.loads(pickle.dumps(one))])
+def test_a_copy_goes_on_alone(copied):
+    generator = np.random.default_rng(0)
+    tree, history = random_history(generator, 12)
+    again, size = copied(history), history.size
+    add_episode(again, tree, generator)
+    assert again.size > history.size == size
+    assert_consistent(tree, again)
+    assert_consistent(tree, history)
 
 
 def test_memory_of_a_transition_stays_below_120_bytes():

@@ -1,6 +1,7 @@
 """The values of ``learn``, and the plain words that build them."""
 
 import inspect
+import pickle
 
 import numpy as np
 import pytest
@@ -28,6 +29,7 @@ def test_words_and_values_ask_for_the_same(tmp_path):
     by_words = eutree.learn(TASK, out=tmp_path / "words", **SMALL, **WORDS)
     by_values = eutree.learn(TASK, folder=Folder(tmp_path / "values"), **SMALL, **VALUES)
     assert by_words.policy == by_values.policy
+    assert pickle.loads(pickle.dumps(by_words)).policy == by_words.policy  # of a worker of joblib
     one, other = ((tmp_path / name / "config.json").read_text() for name in ("words", "values"))
     assert one == other
 

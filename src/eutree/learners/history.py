@@ -234,6 +234,10 @@ class History:
         self._append: Callable[..., int] | None = None
         self._stored = _stored_rows(self.columns)
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the attributes of a copy: all but the compiled loop, which it looks up itself."""
+        return vars(self) | {"_append": None}
+
     @property
     def size(self) -> int:
         """Number of transitions N."""
