@@ -27,7 +27,7 @@ from eutree.evaluation import Evaluation, Interval, evaluate
 from eutree.interaction import GuardedEnv, episode_seed, run_episode
 from eutree.interaction.acting import Actor, Controller, as_policy, trained_steps
 from eutree.interaction.decoding import warn_of_codes
-from eutree.interaction.deriving import acting_as
+from eutree.interaction.deriving import acting_as, acting_for
 from eutree.interaction.episode import RunPairs, Stream
 from eutree.interaction.making import Environment, Recipe, made
 from eutree.parallel import Workers
@@ -280,7 +280,7 @@ def distill(
     check_seed(seed)
     env, spec = made(env, n_jobs)
     policy = as_policy(teacher, env)
-    env = acting_as(acting_as(env, demonstrations), policy)
+    env = acting_for(acting_as(env, demonstrations), policy, "teacher")
     guarded = GuardedEnv(env, strict=strict)
     warn_of_codes(env)
     stakes = None

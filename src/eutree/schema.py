@@ -24,7 +24,7 @@ _LABEL = re.compile(r"(?P<name>.*?)(?: \[(?P<unit>[^\]]*)\])?", re.DOTALL)
 # Names that say nothing; up to release 0.1 they had blanks, and tuples had bare numbers.
 _NUMBERED = re.compile(r"x?\d+(\.x?\d+)*(, \d+ ago)?|did action[ _]\d+, \d+ ago")
 _AGO = re.compile(r", \d+ ago$")
-_NUMBERED_ACTION = re.compile(r"action[ _]-?\d+|control_\d+ -?\d+(, control_\d+ -?\d+)*")
+_NUMBERED_ACTION = re.compile(r"(action[ _])?-?\d+|control_\d+ -?\d+(, control_\d+ -?\d+)*")
 
 
 def combined_actions(controls: "Sequence[Control]") -> tuple[str, ...]:
@@ -327,7 +327,7 @@ class Schema:
             return ((),) * self.n_actions
         return tuple(itertools.product(*(control.levels for control in self.controls)))
 
-    def check_same(self, other: "Schema", what: str, *, of: str) -> None:
+    def check_same(self, other: "Schema", what: str, *, of: str, either: bool = False) -> None:
         """Raise InvalidArgumentError unless ``other`` names the same features and actions.
 
         The levels of controls must be the same, too, where both have any. Units and bounds may
@@ -338,8 +338,9 @@ class Schema:
             other: The schema that was given.
             what: The argument it came with, for the message.
             of: The holder of this schema, for the message: "the environment", "CartPole-v1".
+            either: Whether numbers in place of names there are compared so, too.
         """
-        if not self._names_fit(other):
+        if not self._names_fit(other, either=either):
             hint = "; names of a file are given here, too, by --names"
             raise InvalidArgumentError(
                 f"{what} must have the features and actions of {of}, {list(self.feature_names)} "
@@ -408,8 +409,8 @@ class Schema:
         )
         return mine == theirs and self._names_fit(named)
 
-    def _names_fit(self, other: "Schema") -> bool:
-        """Return whether the names that this schema has are those of the other."""
+    def _names_fit(self, other: "Schema", *, either: bool = False) -> bool:
+        """Return whether the names that this schema has, or both have, are those of the other."""
         if self.controls and other.controls and self.action_values != other.action_values:
             return False
         named = self
@@ -419,7 +420,9 @@ class Schema:
             mine == theirs
             or (
                 len(mine) == len(theirs)
-                and all(numbered.fullmatch(name) for name in mine)
+                and any(
+                    all(map(numbered.fullmatch, names)) for names in (mine, theirs)[: 1 + either]
+                )
                 and len(self.derived) == len(other.derived)
             )
             for mine, theirs, numbered in (

@@ -18,7 +18,7 @@ from eutree.contests.betting import TUNED
 from eutree.contests.smallest import ATTEMPTS
 from eutree.evaluation import Estimate, Interval, evaluate
 from eutree.interaction import episode_seed
-from eutree.interaction.deriving import acting_as
+from eutree.interaction.deriving import acting_for
 from eutree.interaction.episode import Stream
 from eutree.interaction.first_look import return_range as known_range
 from eutree.interaction.making import Environment, Recipe, made
@@ -242,7 +242,7 @@ def ground_of(env: Environment, policy: TreePolicy, seed: int, n_jobs: int | Non
     """Return the ground on which a policy's trees play: an environment, or how to make it."""
     itself, spec = made(env, n_jobs)
     recipe = None if spec is None else Recipe.of(spec)
-    return Ground(acting_as(itself, policy), seed, recipe, n_jobs)
+    return Ground(acting_for(itself, policy, "policy"), seed, recipe, n_jobs)
 
 
 def met_by(policy: TreePolicy, ground: Ground) -> Floats:

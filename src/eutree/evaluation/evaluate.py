@@ -21,7 +21,7 @@ from eutree.errors import InvalidArgumentError, shown
 from eutree.evaluation.evaluation import Evaluation
 from eutree.interaction import GuardedEnv, episode_seed, run_episode
 from eutree.interaction.acting import Controller, as_policy
-from eutree.interaction.deriving import acting_as
+from eutree.interaction.deriving import acting_for
 from eutree.interaction.episode import ending_of, success_of
 from eutree.interaction.making import Environment, Recipe, made
 from eutree.parallel import Workers
@@ -198,7 +198,7 @@ def _evaluate(
 ) -> Evaluation:
     """Evaluate the episodes of these seeds, numbered from ``first``."""
     policy = as_policy(controller, env)
-    env = acting_as(env, policy)
+    env = acting_for(env, policy, "policy")
     together = _side_by_side(policy, env, seeds) if len(seeds) > 1 else None
     return _one_by_one(policy, env, seeds, first) if together is None else together
 

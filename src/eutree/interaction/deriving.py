@@ -15,8 +15,9 @@ import numpy as np
 
 from eutree.arrays import Floats
 from eutree.features import Derivation
-from eutree.interaction.action_grid import with_grid_of
+from eutree.interaction.action_grid import name_of, with_grid_of
 from eutree.interaction.spaces import describe, encoder
+from eutree.policies import TreePolicy
 from eutree.schema import Feature, Schema
 
 
@@ -103,3 +104,21 @@ def acting_as(env: gymnasium.Env[Any, Any], known: object) -> gymnasium.Env[Any,
         return env  # a comparison of the names reports an error, if any
     names = replace(schema, features=schema.features[: n_measured + known])
     return DerivedObservation(env, schema.derived[known:], names=names)
+
+
+def acting_for(env: gymnasium.Env[Any, Any], policy: object, what: str) -> gymnasium.Env[Any, Any]:
+    """Return ``acting_as(env, policy)``, and refuse a tree of other features or actions.
+
+    Args:
+        env: The environment to act in.
+        policy: Any policy.
+        what: The argument it came with, for the message.
+
+    Raises:
+        InvalidArgumentError: It is a tree of another task.
+    """
+    env = acting_as(env, policy)
+    if isinstance(policy, TreePolicy):
+        wanted = describe(env).with_history(policy.history, policy.past_actions)
+        wanted.check_same(policy.schema, what, of=name_of(env), either=True)
+    return env

@@ -7,7 +7,7 @@ from eutree.data import DemonstrationFolder, Demonstrations, Episode
 from eutree.files import check_new_folder
 from eutree.interaction import GuardedEnv, episode_seed, run_episode
 from eutree.interaction.acting import Controller, as_policy
-from eutree.interaction.deriving import acting_as
+from eutree.interaction.deriving import acting_for
 from eutree.interaction.episode import Stream
 from eutree.interaction.first_look import look_at
 from eutree.interaction.making import Environment, opened
@@ -46,7 +46,7 @@ def record(
     count = check_integer("episodes", episodes, low=1)
     check_seed(seed)
     with opened(env) as given:
-        guarded = GuardedEnv(acting_as(given, controller), strict=strict)
+        guarded = GuardedEnv(acting_for(given, controller, "controller"), strict=strict)
         look_at(given, episode_seed(seed, 0, Stream.RECORDING))
         policy = as_policy(controller, given)
         name = str(getattr(controller, "__name__", type(controller).__name__))
@@ -83,5 +83,5 @@ def play(policy: Controller, env: Environment, *, seed: int | None = None) -> Ep
         EnvironmentFault: The environment broke its contract.
     """
     with opened(env) as given:
-        guarded = GuardedEnv(acting_as(given, policy))
+        guarded = GuardedEnv(acting_for(given, policy, "policy"))
         return run_episode(guarded, as_policy(policy, given), seed)
