@@ -36,7 +36,7 @@ from eutree.policies.sklearn_tree import exact_tree
 from eutree.recording import record
 from eutree.schema import EnvironmentSpec, Schema
 from eutree.trees import DecisionTree
-from eutree.validation import check_choice, check_integer, check_seed
+from eutree.validation import check_choice, check_integer, check_kind, check_seed
 
 __all__ = ["DistillationReport", "DistillationSettings", "Round"]
 
@@ -276,7 +276,7 @@ def distill(
         EnvironmentFault: The environment broke its contract.
         MissingExtraError: CART without scikit-learn.
     """
-    settings = settings or DistillationSettings()
+    settings = check_kind("settings", settings or DistillationSettings(), DistillationSettings)
     check_seed(seed)
     env, spec = made(env, n_jobs)
     policy = as_policy(teacher, env)
@@ -362,6 +362,7 @@ def actions_on(teacher: Policy, episode: Episode, env: GuardedEnv) -> Integers:
 
 def _check_shown(shown: Demonstrations, schema: Schema) -> None:
     """Raise InvalidArgumentError unless there is something to learn in this environment."""
+    check_kind("demonstrations", shown, Demonstrations)
     schema.check_same(shown.schema, "demonstrations", of="the environment env")
     if not shown.n_transitions:
         raise InvalidArgumentError(

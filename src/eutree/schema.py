@@ -15,6 +15,7 @@ from typing import Any
 from eutree.display import decimals_of, number, told_apart, usual_width
 from eutree.errors import InvalidArgumentError, UnknownNameError, shown
 from eutree.formulas import declared, in_formula, parse, renamed
+from eutree.validation import check_integer
 
 MAX_FEATURES = 10_000  # the past included
 MAX_ACTIONS = 1_000  # learners hold tables of leaves x actions, and C4.5 of actions x cuts
@@ -454,7 +455,7 @@ class Schema:
             ("past_actions", actions, self.n_actions),
         ):
             most = MAX_FEATURES // size - 1
-            if not 0 <= amount <= most:
+            if not 0 <= check_integer(name, amount) <= most:
                 raise InvalidArgumentError(
                     f"{name} must be from 0 to {most}, so that {size} amounts a step make at "
                     f"most {MAX_FEATURES:,}, got {shown(amount)}"

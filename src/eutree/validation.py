@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
@@ -48,6 +49,24 @@ def check_integer(name: str, value: object, *, low: int = 0, high: int | None = 
     if number < low or (high is not None and number > high):
         raise InvalidArgumentError(f"{name} must be {bounds}, got {shown(value)}")
     return number
+
+
+def check_kind(name: str, value: object, kind: type[_Value]) -> _Value:
+    """Return ``value`` if it is of a class, or raise InvalidArgumentError."""
+    if isinstance(value, kind):
+        return value
+    reads = hasattr(kind, "load") and isinstance(value, str | Path)
+    raise InvalidArgumentError(
+        f"{name} must be {'' if kind.__name__.endswith('s') else 'a '}{kind.__name__}, "
+        f"got {shown(value)}{f'; {kind.__name__}.load reads that' if reads else ''}"
+    )
+
+
+def check_listed(name: str, values: Iterable[_Value]) -> tuple[_Value, ...]:
+    """Return ``values``, or raise where a text would be taken for its letters."""
+    if isinstance(values, str):
+        raise InvalidArgumentError(f"{name} must be a list, got the text {shown(values)}")
+    return tuple(values)
 
 
 def check_choice(name: str, value: _Value, choices: Iterable[_Value]) -> _Value:

@@ -54,6 +54,7 @@ from eutree.trees.boxes import disagreement
 from eutree.validation import (
     check_choice,
     check_integer,
+    check_kind,
     check_number,
     check_observations,
     check_seed,
@@ -116,6 +117,7 @@ def compress(
     Returns:
         The compressed policy, never larger than the exact merge (``mode="merge"``), and a report.
     """
+    check_kind("policy", policy, TreePolicy)
     check_choice("mode", mode, MODES)
     check_choice("weights", weights, WEIGHTS)
     check_seed(seed)

@@ -15,7 +15,7 @@ from eutree.data import Demonstrations, Episode
 from eutree.data import derive as with_derived
 from eutree.data.demonstrations import lessons
 from eutree.data.episode import allowed_in
-from eutree.errors import EutreeError, InvalidArgumentError, shown
+from eutree.errors import EutreeError, InvalidArgumentError
 from eutree.fitting.combining import confirm, propose
 from eutree.fitting.diagnosis import (
     about_demonstrations,
@@ -41,7 +41,7 @@ from eutree.learners.starts import (
 )
 from eutree.policies import TreePolicy
 from eutree.policies.reach import ever_allowed
-from eutree.validation import check_integer, check_seed
+from eutree.validation import check_integer, check_kind, check_listed, check_seed
 
 # Both are contests (:mod:`eutree.contests`) that promise nothing: who judges the tree that they
 # hand on plays fresh episodes.
@@ -166,10 +166,7 @@ def fit(
             the demonstrations, or ``practise`` has no environment.
         EnvironmentFault: The environment broke its contract.
     """
-    if not isinstance(demonstrations, Demonstrations):
-        raise InvalidArgumentError(
-            f"demonstrations must be eutree.Demonstrations, got {shown(demonstrations)}"
-        )
+    check_kind("demonstrations", demonstrations, Demonstrations)
     check_integer("episodes", episodes, low=0)
     check_integer("practise", practise, low=0)
     check_seed(seed)
@@ -181,7 +178,7 @@ def fit(
         )
     if derive != "auto":
         demonstrations = with_derived(demonstrations, derive)
-    chosen = settings or RELEASE_8
+    chosen = check_kind("settings", settings or RELEASE_8, C45Settings)
     with ExitStack() as stack:
         world, missing = _world(demonstrations, env, stack) if episodes else (None, "")
         if world is None and practise:
@@ -200,7 +197,7 @@ def fit(
             settings=SETTINGS if settings is None else (settings,),
             histories=(0, 1) if history is None and settings is None else (history or 0,),
         )
-        keeps = _Keeping(demonstrations, tuple(monotone))
+        keeps = _Keeping(demonstrations, check_listed("monotone", monotone))
         found = [keeps.kept(one) for one in found]
         if world is None:
             notes = [f"The tree was not played: {missing}"] if missing else []

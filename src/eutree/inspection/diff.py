@@ -12,7 +12,7 @@ from eutree.inspection.regions import Region, domain, finite_box, is_box
 from eutree.policies import TreePolicy
 from eutree.trees.boxes import differing, possible, volumes
 from eutree.trees.text import Digits, asked, printable
-from eutree.validation import check_observations
+from eutree.validation import check_kind, check_observations
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,8 @@ def diff(
     Raises:
         InvalidArgumentError: The two have other features or actions.
     """
-    mine = first.schema
+    mine = check_kind("the first policy", first, TreePolicy).schema
+    check_kind("the second policy", second, TreePolicy)
     mine.check_same(second.schema, "the second policy", of="the first")
     inside = domain(mine)
     low, high, actions = differing(

@@ -24,6 +24,7 @@ from eutree.schema import Schema
 from eutree.trees.boxes import leaf_boxes
 from eutree.trees.edit import merge
 from eutree.trees.text import printable
+from eutree.validation import check_listed
 
 MOST_ORDERED = 4  # sets of actions with rules, of which each order is tried
 
@@ -43,7 +44,7 @@ def monotone_rules(texts: Sequence[str], schema: Schema) -> tuple[Property, ...]
     """
     rules = tuple(
         parse(text if text.split()[:1] == ["monotone"] else f"monotone {text}", schema)
-        for text in texts
+        for text in check_listed("monotone", texts)
     )
     for number, rule in enumerate(rules):
         for other in rules[:number]:

@@ -19,7 +19,7 @@ from eutree.inspection.regions import Region, domain, finite_box, is_box, ways
 from eutree.policies import TreePolicy
 from eutree.trees.boxes import leaf_boxes, possible, volumes
 from eutree.trees.text import Digits, printable
-from eutree.validation import check_observations
+from eutree.validation import check_kind, check_observations
 
 _MOST_SWITCHES = 20
 
@@ -119,7 +119,9 @@ def verify(
     Raises:
         InvalidArgumentError: The text is no property, or asks about no observation at all.
     """
-    asked = parse(question, policy.schema) if isinstance(question, str) else question
+    schema = check_kind("policy", policy, TreePolicy).schema
+    asked = parse(question, schema) if isinstance(question, str) else question
+    check_kind("question", asked, Property)
     if asked.kind == "no dead leaves":
         parts = [_dead(policy, observations)]
     else:

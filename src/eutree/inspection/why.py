@@ -12,7 +12,7 @@ from eutree.inspection.regions import Region, domain, is_box, leaf_parts
 from eutree.policies import TreePolicy
 from eutree.trees.boxes import leaf_boxes
 from eutree.trees.text import Digits, asked, printable, whole
-from eutree.validation import check_vector
+from eutree.validation import check_kind, check_vector
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ def why(
         scale: Of each feature, shape [d]; by default the width between its bounds, 1 where they
             are infinite or equal.
     """
-    tree, schema = policy.tree, policy.schema
+    tree, schema = check_kind("policy", policy, TreePolicy).tree, policy.schema
     derivation = policy.derivation
     if derivation.formulas and np.shape(observation) == (derivation.n_measured,):
         observation = derivation.rows(check_vector("observation", observation))

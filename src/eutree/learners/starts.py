@@ -27,7 +27,7 @@ from eutree.learners.learner import Problem, Start, StartName
 from eutree.policies import TreePolicy
 from eutree.policies.reach import among_allowed, within_kinds
 from eutree.trees import DecisionTree
-from eutree.validation import check_choice
+from eutree.validation import check_choice, check_kind, check_vector
 
 _RELEASE_8 = C45Settings()
 
@@ -49,7 +49,7 @@ def fit_expert_tree(
     Raises:
         InvalidArgumentError: If there is no transition, or weights do not fit.
     """
-    if not demonstrations.n_transitions:
+    if not check_kind("demonstrations", demonstrations, Demonstrations).n_transitions:
         raise InvalidArgumentError(
             "demonstrations must hold at least one transition, got "
             f"{len(demonstrations)} episodes without a step"
@@ -59,12 +59,13 @@ def fit_expert_tree(
         raise InvalidArgumentError("demonstrations must not be cut altogether: nothing is left")
     if weights is None:
         weights = np.concatenate([episode.weights for episode in demonstrations])
+    weights = check_vector("weights", weights, size=demonstrations.n_transitions)
     grown = grow(
         observations,
         actions_taught,
         n_classes=demonstrations.schema.n_actions,
-        weights=np.asarray(weights)[taught_in(demonstrations) != CUT],
-        settings=settings,
+        weights=weights[taught_in(demonstrations) != CUT],
+        settings=check_kind("settings", settings, C45Settings),
     )
     tree, actions = grown.to_decision_tree()
     policy = within_kinds(

@@ -35,6 +35,7 @@ from eutree.training.run import Beginning, Run
 from eutree.training.run_folder import ConfigDocument, RunFolder, SavingClock
 from eutree.training.teaching import as_teacher
 from eutree.training.values import Asked, Budget, Folder, Schedule, ShortForms
+from eutree.validation import check_kind
 
 if TYPE_CHECKING:
     from eutree.evaluation.off_policy import Log, OffPolicyComparison
@@ -161,6 +162,10 @@ def _prepared(
 ) -> "tuple[Run, ConfigDocument, Log | None]":
     """Return a run before its first episode, its configuration, and the log it learns from."""
     digests = ""
+    if demonstrations is not None:
+        check_kind("demonstrations", demonstrations, Demonstrations)
+    if expert is not None:
+        check_kind("expert", expert, TreePolicy)
     if env is not None:
         env = acting_as(env, expert or demonstrations)
         if asked.starts:

@@ -28,7 +28,7 @@ from eutree.training.handover import handover_for
 from eutree.training.phases import MANY, Plan, curve_of, is_dear
 from eutree.training.proposals import SearchSettings
 from eutree.training.values import Asked, Budget
-from eutree.validation import check_integer, check_number
+from eutree.validation import check_integer, check_listed
 
 # Steps that a teacher needs, by the number of features from which on; fewer features are planned.
 ENOUGH_STEPS = {12: 20_000, 6: 90_000}
@@ -133,7 +133,7 @@ def planned(
     plan = Plan(
         episodes=budget.episodes if budget.episodes is not None else usual,
         steps=budget.steps,
-        seconds=None if minutes is None else 60.0 * check_number("minutes", minutes, low=0.0),
+        seconds=None if minutes is None else 60.0 * minutes,
         evaluate_every=every,
         evaluation_episodes=played,
         is_dear=is_dear(expected),
@@ -141,7 +141,7 @@ def planned(
         race=race if races else None,
         keep_success=keeps,
         handover=handover_for(chosen, handover),
-        monotone=tuple(asked.monotone),
+        monotone=check_listed("monotone", asked.monotone),
         seed=seed,
     )
     if handover.prefer_proven is not None:

@@ -23,7 +23,7 @@ from eutree.training.listeners import (
 from eutree.training.run import Run
 from eutree.training.run_folder import started
 from eutree.training.teaching import Teacher
-from eutree.validation import check_number
+from eutree.validation import check_integer, check_kind, check_number
 
 if TYPE_CHECKING:
     from eutree.proof import Certificate
@@ -51,6 +51,13 @@ class Budget:
     steps: int | None = None
     minutes: float | None = None
     race_steps: int = 0
+
+    def __post_init__(self) -> None:
+        for name, low in (("episodes", 0), ("steps", 1), ("race_steps", 0)):
+            if getattr(self, name) is not None:
+                check_integer(name, getattr(self, name), low=low)
+        if self.minutes is not None:
+            check_number("minutes", self.minutes, low=0.0, low_open=True)
 
     @property
     def is_open(self) -> bool:
@@ -254,9 +261,7 @@ def _built(name: str, given: Any, short: Mapping[str, Any]) -> Any:
         return None if without else _KINDS[name](**parts)
     if name == "folder" and isinstance(given, str | Path):
         given = Folder(given)
-    if not isinstance(given, _KINDS[name]):
-        kind = _KINDS[name].__name__
-        raise InvalidArgumentError(f"{name} must be a {kind}, got {shown(given)}")
+    check_kind(name, given, _KINDS[name])
     for word, part in words.items():
         if short[word] != getattr(_KINDS[name], part, None):
             raise InvalidArgumentError(f"{word} is a part of {name}, which is given: say it there")
