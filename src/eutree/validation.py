@@ -62,6 +62,13 @@ def check_kind(name: str, value: object, kind: type[_Value]) -> _Value:
     )
 
 
+def check_function(name: str, value: _Value) -> _Value:
+    """Return ``value`` if it can be called, or raise InvalidArgumentError."""
+    if not callable(value):
+        raise InvalidArgumentError(f"{name} must be a function, got {shown(value)}")
+    return value
+
+
 def check_listed(name: str, values: Iterable[_Value]) -> tuple[_Value, ...]:
     """Return ``values``, or raise where a text would be taken for its letters."""
     if isinstance(values, str):

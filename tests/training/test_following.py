@@ -189,7 +189,7 @@ def test_any_callback_of_several_ends_the_run(env, demonstrations):
 
 
 def test_what_is_no_callback_is_refused(env, demonstrations):
-    with pytest.raises(InvalidArgumentError, match="callback must be a function"):
+    with pytest.raises(InvalidArgumentError, match="callback must be a Listener"):
         eutree.learn(env, callback="progress", **SHORT)
     with pytest.raises(InvalidArgumentError, match="offline learning, which takes no steps"):
         eutree.learn(None, demonstrations=demonstrations, callback=lambda *_: True)

@@ -139,7 +139,12 @@ WRONG = [
     ({"minutes": 0}, InvalidArgumentError, "minutes must be a number in .*, got 0"),
     ({"monotone": "stop in position"}, InvalidArgumentError, "monotone must be a list, got the te"),
     ({"out": 3}, InvalidArgumentError, "out must be the path of a folder, got 3"),
-    ({"listeners": 3}, InvalidArgumentError, "callback must be a function"),
+    ({"listeners": 3}, InvalidArgumentError, "a listener or callback must be a Listener"),
+    ({"listeners": [Progress]}, InvalidArgumentError, "must be a Listener, .*, got <class"),
+    ({"on_progress": 3}, InvalidArgumentError, "on_progress must be a function, got 3"),
+    ({"stop": True}, InvalidArgumentError, "stop must be a function, got True"),
+    ({"resume": True}, InvalidArgumentError, r"resume needs the folder of a run \(out\), got none"),
+    ({"checkpoint_seconds": 0}, InvalidArgumentError, "checkpoint_seconds needs the folder"),
     ({"prefer_proven": "", "front_steps": 0}, InvalidArgumentError, "several trees to choose"),
     ({"handover": Handover(prefer_proven="flies")}, InvalidArgumentError, "property must be"),
 ]
@@ -149,6 +154,17 @@ WRONG = [
 def test_mistakes(options, error, message):
     with pytest.raises(error, match=message):
         eutree.learn(TASK, **options)
+
+
+@pytest.mark.parametrize("rival", ["gate", eutree.zoo.load("CartPole-v1")])
+def test_a_rival_that_cannot_play_is_refused_before_the_first_episode(rival, tmp_path):
+    expected, begun = "must have (a method predict|the features and actions of)", []
+    with pytest.raises(InvalidArgumentError, match=expected):
+        eutree.learn(TASK, against=rival, on_progress=begun.append, **SMALL, **WORDS)
+    with pytest.raises(InvalidArgumentError, match=expected):
+        eutree.learn_runs(TASK, runs=1, n_jobs=1, against=rival, out=tmp_path / "a", **SMALL)
+    assert begun == []
+    assert not (tmp_path / "a").exists()
 
 
 def test_mistakes_offline_and_of_many(tmp_path):

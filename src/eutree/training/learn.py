@@ -15,8 +15,8 @@ from eutree.errors import InvalidArgumentError
 from eutree.evaluation import Against, against, evaluate
 from eutree.evaluation.evaluate import evaluate_starts
 from eutree.interaction import GuardedEnv, episode_seed
-from eutree.interaction.acting import Controller
-from eutree.interaction.deriving import acting_as
+from eutree.interaction.acting import Controller, as_policy
+from eutree.interaction.deriving import acting_as, acting_for
 from eutree.interaction.episode import Stream
 from eutree.interaction.first_look import look_at
 from eutree.interaction.first_look import return_range as known_range
@@ -180,6 +180,8 @@ def _prepared(
     arena, log, shown = None, None, demonstrations
     if env is not None:
         arena = _arena(env, expert or demonstrations, asked, plan)
+        if (rival := asked.handover.against) is not None:
+            acting_for(arena.env.env, as_policy(rival, arena.env.env), "against")
         problem, name = _problem(arena.env, plan), str(arena.env.spec or arena.env.name)
     elif demonstrations is None:
         raise InvalidArgumentError("'offline learning' needs demonstrations, got none")

@@ -29,6 +29,7 @@ from eutree.policies import TreePolicy
 from eutree.training.phases import Follower
 from eutree.training.progress import values_of
 from eutree.training.run import Run
+from eutree.validation import check_function
 
 __all__ = ["Listener", "Progress", "StopWhen", "TensorBoard"]
 
@@ -58,7 +59,7 @@ class Progress(Listener):
     """Calls a function after each episode and each evaluation, or each expansion offline."""
 
     def __init__(self, function: Callable[[Run], None]) -> None:
-        self._function = function
+        self._function = check_function("on_progress", function)
 
     def advanced(self, run: Run) -> None:
         """Call it with the run."""
@@ -69,7 +70,7 @@ class StopWhen(Listener):
     """Ends the run at its last finished episode when a function, asked before a step, says so."""
 
     def __init__(self, asked: Callable[[], bool]) -> None:
-        self._asked = asked
+        self._asked = check_function("stop", asked)
 
     def wants_stop(self) -> bool:
         """Ask it."""
@@ -369,9 +370,9 @@ def _has_methods(given: object) -> bool:
 
 
 def _checked(given: Any) -> Any:
-    if _has_methods(given) or callable(given):
+    if not isinstance(given, type) and (_has_methods(given) or callable(given)):
         return given
     raise InvalidArgumentError(
-        "callback must be a function, an object with methods of SB3's callbacks such as on_step, "
-        f"or a list of them, got {shown(given)}"
+        "a listener or callback must be a Listener, a function, an object with methods of SB3's "
+        f"callbacks such as on_step, or a list of them, got {shown(given)}"
     )

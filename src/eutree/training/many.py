@@ -37,7 +37,7 @@ from eutree.training.handover import START, Duel, Handover, Judgement, handover_
 from eutree.training.learn import check_possible, learn, rivalry
 from eutree.training.result import LearningResult
 from eutree.training.values import Asked, Budget, Folder, Schedule, ShortForms
-from eutree.validation import check_integer, check_seed
+from eutree.validation import check_function, check_integer, check_seed
 
 MAX_TABLE = 2**24  # bytes
 _GIVEN = ("demonstrations", "expert", "method", "start")
@@ -165,13 +165,15 @@ def learn_runs(
     check_integer("selection_episodes", selection_episodes, low=2)
     check_integer("judging_episodes", judging_episodes, low=2)
     check_seed(seed)
+    check_function("on_run", on_run)
     recipe = Recipe.of(environment)
     spec = recipe.spec
     asked, given = _asked(folder, options)
     workers, question = Workers(n_jobs), asked.handover.prefer_proven
     proven = None if question is None else ProvenFirst(spec, question)
     if asked.folder is None or not asked.folder.resume:
-        check_possible(spec, asked.of_one_run(), given, seed=seed)
+        whole = replace(asked, handover=replace(asked.handover, prefer_proven=None))
+        check_possible(spec, whole, given, seed=seed)
     where = _opened(asked.folder)
     path = Path(where.path)
     place = (path / "runs").absolute()  # a cluster's processes may be in another folder

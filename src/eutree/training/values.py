@@ -257,8 +257,12 @@ def _built(name: str, given: Any, short: Mapping[str, Any]) -> Any:
     words = {word: part for word, part in _PARTS[name].items() if word in short}
     if given is None:
         parts = {part: short[word] for word, part in words.items()}
-        without = name == "folder" and parts.get("path") is None
-        return None if without else _KINDS[name](**parts)
+        if name != "folder" or parts.get("path") is not None:
+            return _KINDS[name](**parts)
+        for part, value in parts.items():
+            if value is not None and value is not False:
+                raise InvalidArgumentError(f"{part} needs the folder of a run (out), got none")
+        return None
     if name == "folder" and isinstance(given, str | Path):
         given = Folder(given)
     check_kind(name, given, _KINDS[name])
