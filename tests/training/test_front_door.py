@@ -2,6 +2,7 @@
 
 import inspect
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -32,6 +33,17 @@ def test_words_and_values_ask_for_the_same(tmp_path):
     assert pickle.loads(pickle.dumps(by_words)).policy == by_words.policy  # of a worker of joblib
     one, other = ((tmp_path / name / "config.json").read_text() for name in ("words", "values"))
     assert one == other
+
+
+def test_a_result_says_in_one_line_which_tree_was_learned_and_which_is_handed_over():
+    result = eutree.learn(TASK, **SMALL, **VALUES)
+    kept = replace(result.against_start, handed_over="start")
+    policy = eutree.zoo.load("eutree/Evasion2-v0:4")
+    for handed in (result, replace(result, against_start=kept, policy=policy)):
+        learned = f"learned: {result.curve[-1].describe()}; "
+        leaves = f"handed over: {handed.handed_over}, {handed.policy.n_leaves} lea"
+        assert learned + leaves in repr(handed)
+    assert "handed over: start, 4 leaves>" in repr(handed)
 
 
 def test_a_path_is_a_folder_and_resumes_as_one(tmp_path):

@@ -127,9 +127,10 @@ class LearningResult(Displayed):
 
     def __repr__(self) -> str:
         """Return the result in one line; the stored transitions would be pages."""
-        last = self.curve[-1].describe() if self.curve else counted(self.policy.n_leaves, "leaf")
+        learned = f"learned: {self.curve[-1].describe()}; " if self.curve else ""
+        policy = f"handed over: {self.handed_over}, {counted(self.policy.n_leaves, 'leaf')}"
         experience = f"{counted(self.episodes, 'episode')}, {counted(self.steps, 'step')}"
-        return f"<LearningResult: {self.method.name} from {self.start}, {experience}; {last}>"
+        return f"<LearningResult: {self.method.name} from {self.start}, {experience}; {learned}{policy}>"
 
     def to_pandas(self) -> Any:
         """Return the learning curve as a data frame, a row for each frozen evaluation.
