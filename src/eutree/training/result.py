@@ -129,8 +129,10 @@ class LearningResult(Displayed):
         """Return the result in one line; the stored transitions would be pages."""
         learned = f"learned: {self.curve[-1].describe()}; " if self.curve else ""
         policy = f"handed over: {self.handed_over}, {counted(self.policy.n_leaves, 'leaf')}"
-        experience = f"{counted(self.episodes, 'episode')}, {counted(self.steps, 'step')}"
-        return f"<LearningResult: {self.method.name} from {self.start}, {experience}; {learned}{policy}>"
+        run = (
+            f"{counted(self.episodes, 'episode')}, {counted(self.steps, 'step')}; {learned}{policy}"
+        )
+        return f"<LearningResult: {self.method.name} from {self.start}, {run}>"
 
     def to_pandas(self) -> Any:
         """Return the learning curve as a data frame, a row for each frozen evaluation.
