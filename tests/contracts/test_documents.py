@@ -1,5 +1,7 @@
 """README and documentation are run: a page cannot show what does not work."""
 
+import ast
+import importlib
 import re
 import sys
 from contextlib import contextmanager, nullcontext
@@ -172,6 +174,17 @@ def test_a_wrong_output_fails_and_can_be_written_anew(tmp_path: Path) -> None:
         run_block(second, {}, page=page, folder=tmp_path, printed=printed)
     rewrite(page, tmp_path)
     assert blocks(page)[1].code == "1\n"
+
+
+@pytest.mark.parametrize("page", pages(), ids=name)
+def test_a_file_that_a_page_writes_imports_what_is_there(page: Path) -> None:
+    for block in blocks(page):
+        if block.mark == "file" and block.value.endswith(".py"):
+            for line in ast.walk(ast.parse(block.code)):
+                if isinstance(line, ast.ImportFrom) and str(line.module).startswith("eutree"):
+                    found = importlib.import_module(str(line.module))
+                    for imported in line.names:
+                        assert hasattr(found, imported.name), f"{page}:{block.line}"
 
 
 def test_a_file_is_written_and_not_run(tmp_path: Path) -> None:

@@ -97,6 +97,11 @@ def test_each_term_is_used() -> None:
     assert [term for term, word in TERMS.items() if not is_used(word, text)] == []
 
 
+def test_each_term_has_one_row() -> None:
+    terms = re.findall(r"^\| ([^|]+) \|", GLOSSARY.read_text(), re.MULTILINE)
+    assert sorted(terms) == sorted(set(terms))
+
+
 def test_a_row_is_read() -> None:
     assert rows("| a, b | what *c* is |\n|---|---|\n") == ["a, b, c"]
     assert is_explained("c", ["a, b, c"])
