@@ -47,6 +47,12 @@ class Drifts(Healthy):
         return observation, reward + self.episode * (self.count >= 3), *rest
 
 
+class EarnsNothingKnown(Healthy):
+    def step(self, action):
+        observation, _, *rest = super().step(action)
+        return observation, float("nan"), *rest
+
+
 class DrawsFromAll(Healthy):
     """Chance of the whole process."""
 
@@ -99,7 +105,14 @@ def registered():
 
 
 @pytest.mark.parametrize(
-    ("env", "step"), [(Healthy(), None), (Unseeded(), 0), (Drifts(), 3), (DrawsFromAll(), 1)]
+    ("env", "step"),
+    [
+        (Healthy(), None),
+        (EarnsNothingKnown(), None),  # a fault of another kind, which the run reports
+        (Unseeded(), 0),
+        (Drifts(), 3),
+        (DrawsFromAll(), 1),
+    ],
 )
 def test_the_first_step_that_differs_is_found(env, step):
     assert first_difference(env, 3) == step

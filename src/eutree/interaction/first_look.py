@@ -34,7 +34,7 @@ CHECKED_STEPS = 200
 CHECKED_SECONDS = 1.0  # of the first time; the second takes as many steps
 _OWN_LIMITS = ("max_episode_steps", "_max_episode_steps", "max_steps")
 
-Answer = tuple[bytes, float, bool, bool]
+Answer = tuple[bytes, str, bool, bool]  # the reward as text: a NaN is like another
 
 
 def look_at(env: gymnasium.Env[Any, Any], seed: int | None) -> None:
@@ -93,7 +93,7 @@ def _played(
     """Play an episode, or its beginning; return the answers and the actions taken."""
     encode, masks = encoder(env.observation_space), ActionMasks(env)
     observation, info = env.reset(seed=seed)
-    answers = [(encode(observation).tobytes(), 0.0, False, False)]
+    answers = [(encode(observation).tobytes(), "", False, False)]
     taken: list[Any] = []
     generator = np.random.default_rng(seed)
     for action in _random_actions(env, seed) if actions is None else actions:
@@ -104,9 +104,8 @@ def _played(
             action = number if inner is env else cast(GriddedAction, inner).action(number)
         observation, reward, terminated, truncated, info = env.step(action)
         taken.append(action)
-        answers.append(
-            (encode(observation).tobytes(), float(reward), bool(terminated), bool(truncated))
-        )
+        earned = str(float(reward) + 0.0)
+        answers.append((encode(observation).tobytes(), earned, bool(terminated), bool(truncated)))
         if terminated or truncated:
             break
     return answers, taken

@@ -82,6 +82,8 @@ def play(policy: Controller, env: Environment, *, seed: int | None = None) -> Ep
     Raises:
         EnvironmentFault: The environment broke its contract.
     """
+    if seed is not None:
+        check_seed(seed)
     with opened(env) as given:
         guarded = GuardedEnv(acting_for(given, policy, "policy"))
         return run_episode(guarded, as_policy(policy, given), seed)
