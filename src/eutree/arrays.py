@@ -31,6 +31,13 @@ def frozen(array: NDArray[_Scalar]) -> NDArray[_Scalar]:
     return copy
 
 
+def read_only(array: NDArray[_Scalar]) -> NDArray[_Scalar]:
+    """Return a read-only view: kernels are compiled again for arrays that differ in this."""
+    view = array.view()
+    view.setflags(write=False)
+    return view
+
+
 def freeze(one: object, *names: str, dtype: Any = None) -> None:
     """Make arrays of a frozen dataclass read-only, and of this type if one is named."""
     for name in names:

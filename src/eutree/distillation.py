@@ -20,7 +20,7 @@ from eutree.c45 import grow
 from eutree.compression.smaller_trees import Costs, Prunings, merged
 from eutree.contests import best
 from eutree.data import Demonstrations, Episode
-from eutree.data.demonstrations import lessons
+from eutree.data.demonstrations import check_shown, lessons
 from eutree.data.episode import allowed_in
 from eutree.errors import InvalidArgumentError, MissingExtraError
 from eutree.evaluation import Evaluation, Interval, evaluate
@@ -36,7 +36,7 @@ from eutree.policies.sklearn_tree import exact_tree
 from eutree.recording import record
 from eutree.schema import EnvironmentSpec, Schema
 from eutree.trees import DecisionTree
-from eutree.validation import check_choice, check_integer, check_kind, check_seed
+from eutree.validation import check_amounts, check_choice, check_integer, check_kind, check_seed
 
 __all__ = ["DistillationReport", "DistillationSettings", "Round"]
 
@@ -75,9 +75,7 @@ class DistillationSettings:
     def __post_init__(self) -> None:
         check_choice("method", self.method, METHODS)
         check_choice("learner", self.learner, LEARNERS)
-        check_integer("iterations", self.iterations, low=1)
-        check_integer("episodes", self.episodes, low=1)
-        check_integer("validation_episodes", self.validation_episodes, low=2)
+        check_amounts(self, iterations=1, episodes=1, validation_episodes=2)
         if self.max_leaves is not None:
             check_integer("max_leaves", self.max_leaves, low=1)
 
@@ -289,7 +287,8 @@ def distill(
     shown = demonstrations
     if shown is None:
         shown = record(env, policy, episodes=settings.episodes, seed=seed, strict=strict)
-    _check_shown(shown, guarded.schema)
+    check_shown(shown)
+    guarded.schema.check_same(shown.schema, "demonstrations", of="the environment env")
     guarded.take_names(shown.schema)
     run = None if spec is None else RunPairs(Recipe.of(spec), strict)
     observations, actions = lessons(shown)
@@ -358,14 +357,3 @@ def actions_on(teacher: Policy, episode: Episode, env: GuardedEnv) -> Integers:
     masks = [None] * len(episode) if episode.allowed is None else episode.allowed
     steps = zip(episode.observations[:-1], masks, strict=True)
     return np.array([actor.act(row, allowed) for row, allowed in steps], dtype=np.int64)
-
-
-def _check_shown(shown: Demonstrations, schema: Schema) -> None:
-    """Raise InvalidArgumentError unless there is something to learn in this environment."""
-    check_kind("demonstrations", shown, Demonstrations)
-    schema.check_same(shown.schema, "demonstrations", of="the environment env")
-    if not shown.n_transitions:
-        raise InvalidArgumentError(
-            f"demonstrations must hold at least one transition, got {len(shown)} episodes "
-            "without a step"
-        )

@@ -15,7 +15,7 @@ from typing import Any
 from eutree.display import decimals_of, number, told_apart, usual_width
 from eutree.errors import InvalidArgumentError, UnknownNameError, shown
 from eutree.formulas import declared, in_formula, parse, renamed
-from eutree.validation import check_integer
+from eutree.validation import check_integer, check_listed
 
 MAX_FEATURES = 10_000  # the past included
 MAX_ACTIONS = 1_000  # learners hold tables of leaves x actions, and C4.5 of actions x cuts
@@ -281,12 +281,8 @@ class Schema:
             InvalidArgumentError: A declaration is none, or its name is taken.
             UnknownNameError: A formula names no feature before it.
         """
-        if isinstance(declarations, str):
-            raise InvalidArgumentError(
-                f"derived features must be a list of declarations, got {shown(declarations)}"
-            )
         schema = self
-        for declaration in declarations:
+        for declaration in check_listed("derived features", declarations):
             feature = declaration if isinstance(declaration, Feature) else _derived(declaration)
             if feature.name in schema.feature_names:
                 raise InvalidArgumentError(

@@ -76,6 +76,14 @@ def check_listed(name: str, values: Iterable[_Value]) -> tuple[_Value, ...]:
     return tuple(values)
 
 
+def check_amounts(value: object, **least: int) -> None:
+    """Raise unless each attribute is an integer of at least so much, or its usual None."""
+    for name, low in least.items():
+        amount = getattr(value, name)
+        if amount is not None or getattr(type(value), name, low) is not None:
+            check_integer(name, amount, low=low)
+
+
 def check_choice(name: str, value: _Value, choices: Iterable[_Value]) -> _Value:
     """Return ``value`` if it is among ``choices``, or raise UnknownNameError with the nearest."""
     choices = list(choices)

@@ -10,10 +10,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from eutree.arrays import Booleans, Floats, Int16s, Int32s, Integers
+from eutree.arrays import Booleans, Floats, Int16s, Int32s, Integers, read_only
 from eutree.c45 import _kernels, _kernels_pruning
 from eutree.c45._kernels import Nodes
-from eutree.c45.tree import C45Tree, read_only
+from eutree.c45.tree import C45Tree
 from eutree.errors import InvalidArgumentError
 from eutree.features import threshold_between
 from eutree.validation import (

@@ -15,7 +15,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from eutree.arrays import Floats, Int32s, Integers, freeze, frozen
+from eutree.arrays import Floats, Int32s, Integers, freeze, frozen, read_only
 from eutree.c45 import _kernels_pruning
 from eutree.c45._kernels import Nodes
 from eutree.errors import InvalidArgumentError
@@ -23,13 +23,6 @@ from eutree.trees import DecisionTree
 from eutree.trees.edit import TreeBuilder
 from eutree.trees.text import printable
 from eutree.trees.tree import depths
-
-
-def read_only(array: Floats) -> Floats:
-    """Return a read-only view: kernels are compiled again for arrays that differ in this."""
-    view = array.view()
-    view.setflags(write=False)
-    return view
 
 
 @dataclass(frozen=True, eq=False)

@@ -98,13 +98,10 @@ def policy_file(path: Path) -> Path:
 
 def check_fits(policy: "TreePolicy", path: Path, spec: "EnvironmentSpec") -> None:
     """Raise InvalidArgumentError unless the policy's features are those of the environment."""
-    from eutree.interaction import describe
-    from eutree.interaction.deriving import acting_as
+    from eutree.interaction.deriving import acting_for
     from eutree.interaction.making import make
 
-    schema = describe(acting_as(make(spec), policy))
-    wanted = schema.with_history(policy.history, policy.past_actions)
-    wanted.check_same(policy.schema, str(path), of=str(spec))
+    acting_for(make(spec), policy, str(path))
 
 
 def controller(name: str, option: str, spec: EnvironmentSpec) -> "Controller":

@@ -16,7 +16,7 @@ from eutree.display import Displayed, counted
 from eutree.errors import InvalidArgumentError, blamed
 from eutree.features import Derivation, FeatureMap
 from eutree.schema import EnvironmentSpec, Feature, Schema
-from eutree.validation import check_finite, data_frame
+from eutree.validation import check_finite, check_kind, data_frame
 
 if TYPE_CHECKING:
     from eutree.data.log_format import LogFormat
@@ -318,6 +318,15 @@ def derive(demonstrations: Demonstrations, declarations: Sequence[str | Feature]
 def taught_in(demonstrations: Demonstrations) -> Integers:
     """Return the action to imitate at each transition of the kept episodes, [N]; ``CUT``: none."""
     return np.concatenate([np.empty(0, np.int64), *(e.taught for e in demonstrations)])
+
+
+def check_shown(demonstrations: Demonstrations) -> None:
+    """Raise InvalidArgumentError unless these are demonstrations with a transition."""
+    if not check_kind("demonstrations", demonstrations, Demonstrations).n_transitions:
+        raise InvalidArgumentError(
+            "demonstrations must hold at least one transition, got "
+            f"{len(demonstrations)} episodes without a step"
+        )
 
 
 def lessons(demonstrations: Demonstrations) -> tuple[Floats, Integers]:

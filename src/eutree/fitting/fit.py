@@ -17,13 +17,7 @@ from eutree.data.demonstrations import lessons
 from eutree.data.episode import allowed_in
 from eutree.errors import EutreeError, InvalidArgumentError
 from eutree.fitting.combining import confirm, propose
-from eutree.fitting.diagnosis import (
-    about_demonstrations,
-    about_result,
-    about_size,
-    harms,
-    in_words,
-)
+from eutree.fitting.diagnosis import about_demonstrations, about_result, about_size, harms, in_words
 from eutree.fitting.playing import Played, Player, Progress, blame, repairs, shown_in
 from eutree.fitting.playing import practise as learn_on
 from eutree.fitting.report import FitReport, Person

@@ -36,9 +36,7 @@ def name_of(env: gymnasium.Env[Any, Any]) -> str:
     return env.spec.id if env.spec is not None else type(env.unwrapped).__name__
 
 
-def wrappers_of(
-    env: gymnasium.Env[Any, Any],
-) -> Iterator[gymnasium.Wrapper[Any, Any, Any, Any]]:
+def wrappers_of(env: gymnasium.Env[Any, Any]) -> Iterator[gymnasium.Wrapper[Any, Any, Any, Any]]:
     """Yield the wrappers around an environment, the outermost first."""
     while isinstance(env, gymnasium.Wrapper):
         yield env

@@ -107,15 +107,10 @@ def acting_as(env: gymnasium.Env[Any, Any], known: object) -> gymnasium.Env[Any,
 
 
 def acting_for(env: gymnasium.Env[Any, Any], policy: object, what: str) -> gymnasium.Env[Any, Any]:
-    """Return ``acting_as(env, policy)``, and refuse a tree of other features or actions.
-
-    Args:
-        env: The environment to act in.
-        policy: Any policy.
-        what: The argument it came with, for the message.
+    """Return ``acting_as(env, policy)``, unless that is a tree of another task.
 
     Raises:
-        InvalidArgumentError: It is a tree of another task.
+        InvalidArgumentError: Its features or actions are others; ``what`` names the policy.
     """
     env = acting_as(env, policy)
     if isinstance(policy, TreePolicy):

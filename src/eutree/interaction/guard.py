@@ -14,13 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eutree.arrays import Booleans, Floats
-from eutree.errors import (
-    EnvironmentFault,
-    EutreeError,
-    InvalidArgumentError,
-    described,
-    shown,
-)
+from eutree.errors import EnvironmentFault, EutreeError, InvalidArgumentError, described, shown
 from eutree.features import FeatureMap
 from eutree.interaction.action_grid import (
     ActionMasks,

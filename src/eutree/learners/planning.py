@@ -50,7 +50,7 @@ from eutree.policies.leaf_statistics import orders_of, returns_by_action
 from eutree.policy_search.planner import Planned, Planner
 from eutree.trees import DecisionTree
 from eutree.trees.edit import graft
-from eutree.validation import check_integer, check_number
+from eutree.validation import check_amounts, check_number
 from eutree.world_model import ActionTree
 from eutree.world_model.action_trees import from_decision_tree, to_decision_tree
 from eutree.world_model.rollouts import Rollouts
@@ -87,11 +87,8 @@ class PlanningMethod(MethodOfParts):
     unpruned_start: bool = True
 
     def __post_init__(self) -> None:
-        check_integer("gathering_episodes", self.gathering_episodes, low=1)
-        check_integer("gathering_steps", self.gathering_steps, low=1)
+        check_amounts(self, gathering_episodes=1, gathering_steps=1, max_transitions=1)
         check_number("exploration", self.exploration, low=0.0, high=1.0)
-        if self.max_transitions is not None:
-            check_integer("max_transitions", self.max_transitions, low=1)
 
     def start(self, problem: Problem, start: Start) -> "ModelPlanning":
         """Return the learner at its start: the expert tree, if there is one, is the incumbent."""

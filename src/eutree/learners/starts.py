@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from eutree.arrays import Floats
 from eutree.c45 import C45Settings, grow
 from eutree.data import Demonstrations, Episode
-from eutree.data.demonstrations import lessons, taught_in
+from eutree.data.demonstrations import check_shown, lessons, taught_in
 from eutree.data.episode import CUT, allowed_in
 from eutree.display import counted
 from eutree.errors import InvalidArgumentError
@@ -49,11 +49,7 @@ def fit_expert_tree(
     Raises:
         InvalidArgumentError: If there is no transition, or weights do not fit.
     """
-    if not check_kind("demonstrations", demonstrations, Demonstrations).n_transitions:
-        raise InvalidArgumentError(
-            "demonstrations must hold at least one transition, got "
-            f"{len(demonstrations)} episodes without a step"
-        )
+    check_shown(demonstrations)
     observations, actions_taught = lessons(demonstrations)
     if not len(actions_taught):
         raise InvalidArgumentError("demonstrations must not be cut altogether: nothing is left")

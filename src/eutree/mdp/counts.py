@@ -6,12 +6,12 @@ counts alone; a sum of rewards depends also on the order of the rows, so after a
 bit, those made of the history.
 """
 
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from eutree.arrays import Floats, Int32s, Integers
+from eutree.arrays import Floats, Int32s, Integers, read_only
 from eutree.errors import InvalidArgumentError
 from eutree.mdp import _kernels
 from eutree.mdp.solver import TERMINAL, Model
@@ -39,8 +39,6 @@ def never_counted(row: int, state: int, action: int, next_state: int) -> Invalid
         f"action {action}, next state {next_state}"
     )
 
-
-_Scalar = TypeVar("_Scalar", bound=np.generic)
 
 _FIRST_POOL = 256
 
@@ -283,10 +281,3 @@ def grown(array: NDArray[Any], size: int, fill: float) -> Any:
     new = np.full((size, *array.shape[1:]), fill, dtype=array.dtype)
     new[: len(array)] = array
     return new
-
-
-def read_only(array: NDArray[_Scalar]) -> NDArray[_Scalar]:
-    """Return a view of the array that cannot be written to."""
-    view = array.view()
-    view.setflags(write=False)
-    return view

@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from eutree.arrays import Floats
+from eutree.arrays import Floats, read_only
 from eutree.errors import InvalidArgumentError
 from eutree.mdp import _kernels
 from eutree.mdp import _kernels_sweeping as _sweeping
-from eutree.mdp.counts import TransitionCounts, grown, read_only
+from eutree.mdp.counts import TransitionCounts, grown
 from eutree.mdp.solver import Solution, solve
 from eutree.validation import check_integer, check_number
 

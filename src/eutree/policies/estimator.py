@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from eutree.arrays import Floats, Int32s, Integers
 from eutree.errors import InvalidArgumentError, MissingExtraError
 from eutree.policies.tree_policy import TreePolicy
-from eutree.validation import check_choice
+from eutree.validation import check_choice, check_kind
 
 try:
     from sklearn.base import BaseEstimator, ClassifierMixin
@@ -190,9 +190,7 @@ class TreePolicyClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc
         return names[order], order
 
     def _policy(self) -> TreePolicy:
-        if not isinstance(self.policy, TreePolicy):
-            raise InvalidArgumentError(f"policy must be a TreePolicy, got {self.policy!r}")
-        return self.policy
+        return check_kind("policy", self.policy, TreePolicy)
 
     def _rows(self, X: ArrayLike) -> Floats:
         rows: Floats = check_array(X, dtype=np.float64, ensure_all_finite=False, order="C")

@@ -16,7 +16,7 @@ import numpy as np
 from eutree.arrays import Floats, Integers
 from eutree.features import threshold_between
 from eutree.policy_search import _kernels_search
-from eutree.validation import check_integer, check_number
+from eutree.validation import check_amounts, check_number
 from eutree.world_model import ActionTree
 from eutree.world_model.action_trees import Nested, n_leaves, nested, packed, with_box, with_child
 from eutree.world_model.rollouts import Rollouts
@@ -59,11 +59,8 @@ class Improvement:
     max_leaves: int = 40
 
     def __post_init__(self) -> None:
-        check_integer("rounds", self.rounds, low=1)
+        check_amounts(self, rounds=1, deviations=1, min_rows=1, max_leaves=2)
         check_number("price", self.price, low=0.0)
-        check_integer("deviations", self.deviations, low=1)
-        check_integer("min_rows", self.min_rows, low=1)
-        check_integer("max_leaves", self.max_leaves, low=2)
 
     def improve(
         self, rollouts: Rollouts, policy: ActionTree, scale: float, *, begin: bool = False

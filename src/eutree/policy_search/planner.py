@@ -15,7 +15,7 @@ from eutree.arrays import Floats, Integers
 from eutree.contests import AheadApart, Table, Verdict, new_table
 from eutree.contests.rules import lead_apart
 from eutree.policy_search.improvement import Improvement
-from eutree.validation import check_integer, check_number
+from eutree.validation import check_amounts, check_number
 from eutree.world_model import ActionTree, PairedRollouts, Transitions, fit_world_models
 from eutree.world_model.action_trees import n_leaves
 from eutree.world_model.rollouts import Rollouts
@@ -142,21 +142,15 @@ class Planner:
     trust_demonstrations: bool = False
 
     def __post_init__(self) -> None:
-        check_integer("n_episodes", self.n_episodes, low=8)
-        check_integer("n_steps", self.n_steps, low=1)
-        check_integer("n_explorer_episodes", self.n_explorer_episodes, low=8)
+        check_amounts(self, n_episodes=8, n_steps=1, n_explorer_episodes=8, min_episodes=2)
+        check_amounts(self, trial_steps=1, memory=2, max_transitions=1, incumbent_first=0)
         check_number("explorer_share", self.explorer_share, low=0.0, high=1.0)
         for name in ("pessimism", "optimism"):
             check_number(
                 name, getattr(self, name), low=0.0, high=1.0, low_open=True, high_open=True
             )
-        check_integer("min_episodes", self.min_episodes, low=2)
-        check_integer("trial_steps", self.trial_steps, low=1)
-        check_integer("memory", self.memory, low=2)
         check_number("growth", self.growth, low=1.0)
-        check_integer("max_transitions", self.max_transitions, low=1)
         check_number("discount", self.discount, low=0.0, high=1.0)
-        check_integer("incumbent_first", self.incumbent_first, low=0)
 
     def incumbent_acts(self, plan: Planned) -> bool:
         """Return whether too little is known of the incumbent: it acts in a challenger's place."""

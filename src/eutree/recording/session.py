@@ -60,12 +60,7 @@ from eutree.recording.play import (
     Play,
 )
 from eutree.recording.tree_making import Wishes
-from eutree.recording.views import (
-    ENDLESS,
-    never_ends,
-    sensed,
-    task_description,
-)
+from eutree.recording.views import ENDLESS, never_ends, sensed, task_description
 
 FEW = 2  # demonstrations before the page names a situation not shown yet
 EDITS = ("cut", "flip", "all", "again", "undo", "accept")  # of the demonstrations

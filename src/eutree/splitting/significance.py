@@ -16,7 +16,7 @@ from eutree.arrays import Booleans, Floats, Int32s, Integers
 from eutree.splitting import _kernels
 from eutree.splitting.laws import maximal_p, naive_p
 from eutree.splitting.search import KolmogorovSmirnov, LeafSample, Split
-from eutree.validation import check_integer, check_number
+from eutree.validation import check_amounts, check_integer, check_number
 
 # If the returns of an action do not depend on the observations, every assignment of its returns to
 # its tuples is equally likely. One draw permutes the returns within each action and searches all
@@ -267,8 +267,7 @@ class Permutation(msgspec.Struct, frozen=True, kw_only=True, tag=True):
     def __post_init__(self) -> None:
         _check_level(self.alpha)
         check_integer("n_permutations", self.n_permutations, low=math.ceil(1 / self.alpha) - 1)
-        check_integer("stop_after", self.stop_after, low=1)
-        check_integer("min_episodes", self.min_episodes, low=0)
+        check_amounts(self, stop_after=1, min_episodes=0)
 
     def p_value(
         self,

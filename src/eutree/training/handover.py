@@ -22,7 +22,7 @@ from eutree.interaction.acting import Controller
 from eutree.learners import Method
 from eutree.learners.registry import reads_the_paper
 from eutree.policies import TreePolicy
-from eutree.validation import check_integer, check_number, check_range
+from eutree.validation import check_amounts, check_integer, check_number, check_range
 
 LEARNED: Literal["learned"] = "learned"
 START: Literal["start"] = "start"
@@ -269,8 +269,7 @@ class Handover:
     def __post_init__(self) -> None:
         if self.episodes is not None:
             check_integer("judge_episodes", self.episodes, low=0)
-        if self.front_steps is not None:
-            check_integer("front_steps", self.front_steps, low=0)
+        check_amounts(self, front_steps=0)
         check_number("error", self.error, low=0.0, high=1.0, low_open=True)
         check_number("success_margin", self.success_margin, low=0.0, high=1.0)
         if self.return_range is not None:

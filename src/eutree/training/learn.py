@@ -95,9 +95,8 @@ def learn(
     """
     values = {"budget": budget, "evaluation": evaluation, "handover": handover, "folder": folder}
     asked = Asked.of(values, listeners, short).going_on()
-    given = demonstrations, expert, method, start
     with nullcontext() if env is None else opened(env) as made:
-        run, config, log = _prepared(made, asked, *given, seed=seed)
+        run, config, log = _prepared(made, asked, demonstrations, expert, method, start, seed=seed)
         for one in asked.listeners:
             one.attached(run, None if run.arena is None else run.arena.env.env)
         policy, against_fit = _carried_out(run, log, config, asked)

@@ -171,13 +171,13 @@ def learn_runs(
     asked, given = _asked(folder, options)
     workers, question = Workers(n_jobs), asked.handover.prefer_proven
     proven = None if question is None else ProvenFirst(spec, question)
+    unproven = replace(asked.handover, prefer_proven=None)  # that is of all runs together
     if asked.folder is None or not asked.folder.resume:
-        whole = replace(asked, handover=replace(asked.handover, prefer_proven=None))
-        check_possible(spec, whole, given, seed=seed)
+        check_possible(spec, replace(asked, handover=unproven), given, seed=seed)
     where = _opened(asked.folder)
     path = Path(where.path)
     place = (path / "runs").absolute()  # a cluster's processes may be in another folder
-    of_one = asked.of_one_run()
+    of_one = replace(asked, handover=replace(unproven, against=None))
     task = _Task(recipe, path / "runs", place, selection_episodes, seed, of_one, given)
     found: dict[int, FinishedRun] = {}
     for run in workers.as_finished(task, range(seed, seed + runs)):

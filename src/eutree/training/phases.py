@@ -28,7 +28,7 @@ from eutree.learners import Step
 from eutree.training.handover import Handover
 from eutree.training.proposals import SearchSettings
 from eutree.training.race_state import Count
-from eutree.validation import check_integer, check_number, check_seed
+from eutree.validation import check_amounts, check_number, check_seed
 
 USUAL = 400  # episodes of a run; in one of so many, or more, evaluation is no matter of proportion
 FEW = 40  # episodes up to which half as many are played beside
@@ -147,10 +147,7 @@ class Plan:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        check_integer("episodes", self.episodes, low=0)
-        check_integer("evaluate_every", self.evaluate_every, low=1)
-        if self.steps is not None:
-            check_integer("steps", self.steps, low=1)
+        check_amounts(self, episodes=0, steps=1, evaluate_every=1)
         if self.seconds is not None:
             check_number("seconds", self.seconds, low=0.0, low_open=True)
         check_seed(self.seed)

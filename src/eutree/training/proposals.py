@@ -20,18 +20,9 @@ from eutree.policy_search.climbing import annealed, climbed, restarts
 from eutree.policy_search.improvement import Improvement
 from eutree.policy_search.planner import FEWEST_ROLLOUTS
 from eutree.policy_search.variation import Variation
-from eutree.validation import check_integer, check_number
-from eutree.world_model import (
-    ActionTree,
-    PairedRollouts,
-    Transitions,
-    WorldModel,
-    fit_world_models,
-)
-from eutree.world_model.action_trees import (
-    from_decision_tree,
-    to_decision_tree,
-)
+from eutree.validation import check_amounts, check_integer, check_number
+from eutree.world_model import ActionTree, PairedRollouts, Transitions, WorldModel, fit_world_models
+from eutree.world_model.action_trees import from_decision_tree, to_decision_tree
 from eutree.world_model.dynamics import MAX_LEAVES, fit_model_tree
 
 MOST_ROWS = 30_000
@@ -138,9 +129,7 @@ class SearchSettings:
     def __post_init__(self) -> None:
         check_integer("race_steps", self.steps, low=0)
         check_number("leaf_price", self.leaf_price, low=0.0)
-        if self.max_leaves is not None:
-            check_integer("max_leaves", self.max_leaves, low=2)
-        check_integer("model_steps", self.model_steps, low=1)
+        check_amounts(self, max_leaves=2, model_steps=1)
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from eutree.errors import InvalidArgumentError
 from eutree.interaction import GuardedEnv
 from eutree.interaction.acting import Actor, Controller, as_policy, trained_steps
 from eutree.policies import TreePolicy
-from eutree.validation import check_integer
+from eutree.validation import check_amounts
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,8 +41,7 @@ class Teacher:
                 "steps must say in how many environment steps the teacher was trained, which it "
                 "does not know itself (num_timesteps), got None"
             )
-        if self.steps is not None:
-            check_integer("steps", self.steps, low=0)
+        check_amounts(self, steps=0)
 
     @property
     def cost(self) -> int:

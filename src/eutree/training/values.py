@@ -23,7 +23,7 @@ from eutree.training.listeners import (
 from eutree.training.run import Run
 from eutree.training.run_folder import started
 from eutree.training.teaching import Teacher
-from eutree.validation import check_integer, check_kind, check_number
+from eutree.validation import check_amounts, check_kind, check_number
 
 if TYPE_CHECKING:
     from eutree.proof import Certificate
@@ -53,9 +53,7 @@ class Budget:
     race_steps: int = 0
 
     def __post_init__(self) -> None:
-        for name, low in (("episodes", 0), ("steps", 1), ("race_steps", 0)):
-            if getattr(self, name) is not None:
-                check_integer(name, getattr(self, name), low=low)
+        check_amounts(self, episodes=0, steps=1, race_steps=0)
         if self.minutes is not None:
             check_number("minutes", self.minutes, low=0.0, low_open=True)
 
@@ -224,11 +222,6 @@ class Asked:
         given = {name: value for name, value in built.items() if value is not None}
         following += [one if isinstance(one, Listener) else Callbacks(one) for one in many]
         return cls(**given, **alone, listeners=tuple(following))
-
-    def of_one_run(self) -> Self:
-        """Return the request for each of several runs, without that for all together."""
-        handover = replace(self.handover, prefer_proven=None, against=None)
-        return replace(self, handover=handover)
 
     def arguments(self) -> dict[str, Any]:
         """Return the arguments of ``learn`` that ask for it, without folder and listeners."""

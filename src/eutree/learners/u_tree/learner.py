@@ -53,7 +53,7 @@ from eutree.mdp import TabularMDP
 from eutree.policies.leaf_statistics import leaf_statistics
 from eutree.splitting import KolmogorovSmirnov, LeafSample, Naive, SignificanceTest, Split
 from eutree.trees import DecisionTree
-from eutree.validation import check_integer, check_number
+from eutree.validation import check_amounts, check_number
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,14 +95,11 @@ class Discretizer(MethodOfParts):
     def __post_init__(self) -> None:
         check_number("discount", self.discount, low=0.0, high=1.0)
         check_number("exploration", self.exploration, low=0.0, high=1.0)
-        check_integer("gathering_episodes", self.gathering_episodes, low=1)
         check_number("solve_growth", self.solve_growth, low=1.0)
         check_number("retest_growth", self.retest_growth, low=1.0)
-        check_integer("backups", self.backups, low=0)
         if self.untried_value is not None:
             check_number("untried_value", self.untried_value)
-        if self.max_transitions is not None:
-            check_integer("max_transitions", self.max_transitions, low=1)
+        check_amounts(self, gathering_episodes=1, backups=0, max_transitions=1)
 
     def cut(self, sample: LeafSample, generator: np.random.Generator) -> Split | None:
         """Return the cut that a leaf deserves, or None."""
