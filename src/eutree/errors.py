@@ -115,12 +115,16 @@ class EnvironmentFault(EutreeError, RuntimeError):  # noqa: N818 - a fault of th
         episode: Number of the episode, from 0.
         step: Number of the step within the episode, from 0; -1 during ``reset``.
         reason: The fault, with the offending value.
+        seed: Seed of its reset; None where none was given.
     """
 
-    def __init__(self, environment: str, episode: int, step: int, reason: str) -> None:
+    def __init__(
+        self, environment: str, episode: int, step: int, reason: str, seed: int | None = None
+    ) -> None:
         self.environment, self.episode, self.step, self.reason = environment, episode, step, reason
-        moment = "reset" if step < 0 else f"step {step}"
-        super().__init__(f"{environment}, episode {episode}, {moment}: {reason}")
+        self.seed, moment = seed, "reset" if step < 0 else f"step {step}"
+        number = episode if seed is None else f"{episode} (seed {seed})"
+        super().__init__(f"{environment}, episode {number}, {moment}: {reason}")
 
 
 class RunFolderError(EutreeError, RuntimeError):

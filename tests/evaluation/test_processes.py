@@ -139,7 +139,7 @@ def test_an_environment_of_this_process_alone_and_its_names_go_along(impatient):
     gymnasium.register("tests/Breaks-v0", Breaks)
     try:
         recipe = Recipe.of("tests/Breaks-v0")
-        with pytest.raises(EnvironmentFault, match="episode 5, step 0") as alone:
+        with pytest.raises(EnvironmentFault, match=r"episode 5 \(seed \d+\), step 0") as alone:
             eutree.evaluate(Parity(), "tests/Breaks-v0", episodes=9)
         with pytest.raises(EnvironmentFault) as divided:
             eutree.evaluate(Parity(), "tests/Breaks-v0", episodes=9, n_jobs=2)
@@ -149,6 +149,7 @@ def test_an_environment_of_this_process_alone_and_its_names_go_along(impatient):
         del gymnasium.registry["tests/Breaks-v0"]
     assert str(divided.value) == str(alone.value)
     assert divided.value.episode == 5
+    assert divided.value.seed == alone.value.seed == eutree.interaction.episode_seed(0, 5)
     assert eutree.interaction.describe(recipe.make()).feature_names == ("x0", "x1", "x2")
     assert eutree.interaction.describe(given.make()).feature_names == ("a", "b", "c")
     del gymnasium.registry["tests/Breaks-v0"]

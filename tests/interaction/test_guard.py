@@ -33,7 +33,7 @@ def test_messages_of_sick_environments_are_one_line_and_name_environment_and_epi
     for env, _ in SICK.values():
         with pytest.raises(EnvironmentFault) as caught:
             run(env)
-        assert str(caught.value).startswith(f"{type(env).__name__}, episode 0, ")
+        assert str(caught.value).startswith(f"{type(env).__name__}, episode 0 (seed 0), ")
 
 
 @pytest.mark.parametrize("success", [True, np.True_, 1, 1.0, np.float32(1), np.array(True)])

@@ -79,9 +79,7 @@ class GuardedEnv:
             raise InvalidArgumentError(f"env must be a gymnasium.Env, got {env!r}")
         self.env = env
         own = describe(env)
-        self.schema: Schema = own.with_history(
-            check_integer("history", history), check_integer("past_actions", past_actions)
-        )
+        self.schema: Schema = own.with_history(history, past_actions)
         self.features = FeatureMap(
             n_observed=own.n_features,
             n_actions=own.n_actions,
@@ -91,7 +89,7 @@ class GuardedEnv:
         self.spec: EnvironmentSpec | None = spec_of(env)
         self.name = name_of(env)
         self.episode = -1
-        self.step_number = 0
+        self.step_number, self._seed = 0, None
         self._numbered = numbered(env)
         self._folder = OwnFolder(env)
         self._grid = grid_around(self._numbered)
@@ -111,7 +109,7 @@ class GuardedEnv:
     def reset(self, seed: int | None = None) -> Floats:
         """Begin an episode and return its first observation, shape [d]."""
         self.episode += 1
-        self.step_number = -1
+        self.step_number, self._seed = -1, seed
         try:
             with self._folder:
                 answer = self.env.reset(seed=seed)
@@ -315,7 +313,7 @@ class GuardedEnv:
             raise self._fault(str(error)) from None
 
     def _fault(self, reason: str) -> EnvironmentFault:
-        return EnvironmentFault(self.name, self.episode, self.step_number, reason)
+        return EnvironmentFault(self.name, self.episode, self.step_number, reason, self._seed)
 
 
 def _finite(name: str, value: object) -> str:

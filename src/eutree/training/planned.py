@@ -164,10 +164,9 @@ def _expected(
     """
     if env is None or vector_form(env) is not None:
         return None
-    shown = demonstrations
     length = None if env.spec is None else env.spec.max_episode_steps
-    if shown is not None and len(shown):
-        length = max(shown.n_transitions // len(shown), 1)
+    if demonstrations is not None and len(demonstrations):
+        length = max(demonstrations.n_transitions // len(demonstrations), 1)
     if length is None:
         return None if budget.race_steps else budget.episodes
     counts = [] if budget.episodes is None else [budget.episodes + budget.race_steps // length]
@@ -189,8 +188,7 @@ def check_races(plan: Plan, start: Start) -> None:
 
 def _check_acts_nowhere(asked: Asked) -> None:
     """Raise InvalidArgumentError for wishes that need an environment to act in."""
-    races = asked.budget.race_steps
-    if races:
+    if races := asked.budget.race_steps:
         raise InvalidArgumentError(
             f"race_steps must be 0 without an environment to run them in, got {races}"
         )
