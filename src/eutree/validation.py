@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -26,13 +27,12 @@ def check_number(
     high_open: bool = False,
 ) -> float:
     """Return ``value`` as a finite float inside the interval, or raise InvalidArgumentError."""
-    interval = f"{'(' if low_open else '['}{low:g}, {high:g}{')' if high_open else ']'}"
-    if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
-        raise InvalidArgumentError(f"{name} must be a number in {interval}, got {shown(value)}")
-    try:
-        number = float(value)
-    except OverflowError:  # an integer beyond all floats
-        number = math.inf
+    ends = "[("[low_open or low == -math.inf], "])"[high_open or high == math.inf]
+    interval = f"{ends[0]}{low:g}, {high:g}{ends[1]}"
+    number = math.nan
+    if isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool):
+        with suppress(OverflowError):  # of an integer beyond all floats
+            number = float(value)
     too_low = number <= low if low_open else number < low
     too_high = number >= high if high_open else number > high
     if not math.isfinite(number) or too_low or too_high:

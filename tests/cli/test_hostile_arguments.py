@@ -53,7 +53,7 @@ def folder(tmp_path, monkeypatch):
 
 HOSTILE = [
     ((*EDIT, "--set-threshold", f"{DIGITS}=1"), "--set-threshold must be NUMBER=VALUE, got '111"),
-    ((*EDIT, "--set-threshold", f"0={DIGITS}"), "must be a number in [0, inf], got inf"),
+    ((*EDIT, "--set-threshold", f"0={DIGITS}"), "must be a number in [0, inf), got inf"),
     ((*EDIT, "--set-action", f"{DIGITS}=go"), "--set-action must be NUMBER=VALUE, got '111"),
     ((*EDIT, "--set-action", f"0={DIGITS}"), "unknown action '111"),
     (("record", "eutree/Evasion2-v0", "--web", "--out", "x", "--keys", f"left={DIGITS}"),
