@@ -122,7 +122,7 @@ def test_the_list_says_what_to_turn_first(capsys):
         (("--set", "price"), "--set must be KEY=VALUE"),
         (
             ("--set", "prise=3"),
-            "unknown choice of method 'planning' 'prise'. Did you mean 'price'?",
+            "unknown choice of method 'planning' 'prise'. Did you mean 'price'? All: eutree learn",
         ),
         (("--set", "price=abc"), "price must be a number, got 'abc'\n"),  # and no path of Python
         (("--set", "n_episodes=1.5"), "n_episodes must be a whole number, got 1.5\n"),

@@ -424,13 +424,12 @@ def _flat(changes: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, A
 def _path(name: str, document: Mapping[str, Any], method: Method) -> list[str]:
     """Return the way to a choice that is named in full or by its last names."""
     known = [path for path, _ in _flat(document) if path != "name"]
-    found = [path for path in known if path == name] or [
-        path for path in known if path.endswith(f".{name}")
-    ]
+    found = [path for path in known if name == path] or [p for p in known if p.endswith(f".{name}")]
     if not found:
         last = {path.rpartition(".")[2] for path in known}  # which are enough
         near = known if "." in name else [*last, *known]
-        raise UnknownNameError(f"choice of method {method.name!r}", name, near)
+        hint = f"All: eutree learn --list-settings --method {method.name}."
+        raise UnknownNameError(f"choice of method {method.name!r}", name, near, hint=hint)
     if len(found) > 1:
         raise InvalidArgumentError(
             f"choice {name!r} of method {method.name!r} must be one of {', '.join(found)}"
