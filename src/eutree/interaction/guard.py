@@ -89,7 +89,8 @@ class GuardedEnv:
         self.spec: EnvironmentSpec | None = spec_of(env)
         self.name = name_of(env)
         self.episode = -1
-        self.step_number, self._seed = 0, None
+        self.step_number = 0
+        self._seed: int | None = None
         self._numbered = numbered(env)
         self._folder = OwnFolder(env)
         self._grid = grid_around(self._numbered)
