@@ -326,6 +326,24 @@ def test_nobody_is_interrupted_and_recording_goes_on_after_it(person) -> None:
     assert [type(output).__name__ for output in person.outputs].count("EpisodeStarted") == 2
 
 
+def test_the_picture_is_again_that_of_the_words_beside_it(person) -> None:
+    """The tree's collision stood above "Goal reached", and above "Show how it is done"."""
+    offer(person, stops_at(2.0), failing=False)
+    opening = person.frames[0][1]
+    person.wait(0.5).tap("escape").wait(0.3)
+    assert (person.view.state, person.frames[-1][1].number) == ("opening", person.frame)
+    assert (person.frames[-1][1].pixels == opening.pixels).all()
+    person.tap("enter").until("playing").press("right").until("review").release("right")
+    reached = person.frames[-1][1]
+    person.do("watch").until("watching").wait(0.5)
+    assert (person.frames[-1][1].pixels != reached.pixels).any()
+    person.tap("escape").wait(0.3)
+    assert person.view.state == "review"
+    assert (person.frames[-1][1].pixels == reached.pixels).all()
+    person.wait(1.0).tap("enter").until("playing")
+    assert (person.frames[-1][1].pixels != reached.pixels).any()
+
+
 def test_the_seed_of_a_scene_is_what_is_seen(person) -> None:
     seed = next(s for s in range(20) if GuardedEnv(Corridor()).reset(s)[0] == 1.0)
     person.session.driving.offer(Programme(always(RIGHT), (Scene(seed),)))

@@ -29,14 +29,13 @@ class Driving:
     def __init__(self, env: GuardedEnv, play: Play, recording: Recording) -> None:
         self._env, self._play, self._recording = env, play, recording
         self._programme: Programme | None = None
-        self._is_new = self._is_paused = False
+        self._is_new = self._is_paused = self._by_hand = False
         self._number = self._n_by_hand = 0
         self._course: Course | None = None
         self._over_at: float | None = None
         self._ending = ""
         self._success: bool | None = None
-        self._by_hand = False
-        self._before: tuple[str, Trial] = (OPENING, Trial.unused())
+        self._before = (OPENING, Trial.unused(), play.pictures.pixels)
 
     @property
     def is_on(self) -> bool:
@@ -108,10 +107,9 @@ class Driving:
         """Return its fields on the page; None while the person alone acts."""
         if not self.is_on or self._programme is None or self._course is None:
             return None
-        watched = self._play.state == WATCHING
         return DrivingView(
             number=self._number + 1,
-            of=len(self._programme.scenes) if watched else 0,
+            of=len(self._programme.scenes) if self._play.state == WATCHING else 0,
             action=self._course.action,
             by_hand=self._by_hand,
             n_by_hand=self._n_by_hand,
@@ -135,7 +133,7 @@ class Driving:
 
     def _begin(self, now: float, state: str) -> None:
         if not self.is_on:
-            self._before = (self._play.state, self._play.trial)
+            self._before = (self._play.state, self._play.trial, self._play.pictures.pixels)
         self._is_new = False
         self._play.state = state
         self._go_on(now, 0)
@@ -157,8 +155,7 @@ class Driving:
             play.show(Trial(self._env.reset(seed), seed))
         else:
             self._recording.choose_start()
-            held = list(play.controls.held)
-            play.show(self._recording.begin(play.controls.facts(), held))
+            play.show(self._recording.begin(play.controls.facts(), list(play.controls.held)))
         play.message = ""
         play.pictures.wait_from(now)
         play.controls.pace.restart(now)  # the first step is an interval away
@@ -221,8 +218,11 @@ class Driving:
 
     def _stop(self) -> None:
         """Give the person the picture back."""
-        if self._play.state == DRIVING and not self._play.trial.is_over:
-            self._recording.stop(self._play.trial, kept=False, comment="left early")
-        self._play.state, self._play.trial = self._before
-        self._play.controls.pace.finish()
-        self._play.controls.start()
+        play, was = self._play, self._play.state
+        if was == DRIVING and not play.trial.is_over:
+            self._recording.stop(play.trial, kept=False, comment="left early")
+        play.state, play.trial, pixels = self._before
+        if was == WATCHING or play.state == OPENING:  # else the last episode is the driven one
+            play.pictures.show_again(pixels)
+        play.controls.pace.finish()
+        play.controls.start()

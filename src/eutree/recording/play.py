@@ -5,9 +5,11 @@ pace and the pictures have it.
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from eutree.interaction import GuardedEnv
 from eutree.recording.controls import FRAME_SECONDS, Controls
@@ -37,7 +39,7 @@ class Pictures:
         given: Number of the last picture given out.
         drawn: Number of the last picture that the viewer reported as drawn.
         is_complete: Whether the full picture of the present step was given out.
-        size: Width and height of the pictures; zero before the first.
+        pixels: The last picture given out; empty before the first.
     """
 
     def __init__(self, env: GuardedEnv) -> None:
@@ -47,13 +49,18 @@ class Pictures:
         )
         self.given = self.drawn = 0
         self.is_complete = False
-        self.size = (0, 0)
+        self.pixels: NDArray[np.uint8] = np.zeros((0, 0, 3), np.uint8)
+        self._again: NDArray[np.uint8] | None = None  # due once more
         self._given_time = self._drawn_time = 0.0
         self._shared = 0.0  # share of the movement in the last picture
 
     def expect(self) -> None:
         """Take note that the environment has changed: a new picture is due."""
-        self.is_complete, self._shared = False, 0.0
+        self.is_complete, self._shared, self._again = False, 0.0, None
+
+    def show_again(self, pixels: NDArray[np.uint8]) -> None:
+        """Take note that a picture given out before is due again."""
+        self.is_complete, self._shared, self._again = False, 0.0, pixels
 
     def next(self, now: float, share: float) -> Frame | None:
         """Return a new picture if one is due; ``share`` of the movement is over."""
@@ -68,13 +75,9 @@ class Pictures:
         late = now - self.due()
         # A small delay does not add up, or thirty pictures a second would become fewer.
         self._given_time = now - late if 0.0 <= late < FRAME_SECONDS / 2.0 else now
-        between = self._between
-        if between is None or share >= 1.0:
-            pixels = self._env.picture()
-        else:
-            pixels = self._env.picture(lambda: between(share))
-        self.size = (pixels.shape[1], pixels.shape[0])
-        return Frame(self.given, pixels)
+        moving = partial(self._between, share) if self._between and share < 1.0 else None
+        self.pixels = self._env.picture(moving) if self._again is None else self._again
+        return Frame(self.given, self.pixels)
 
     def due(self) -> float:
         """Return when the next picture of a movement is due."""
@@ -265,20 +268,19 @@ class Play:
             "step": self.trial.n_steps,
             "coming": self.controls.chosen() if self.is_on else 0,
             "awaits_key": self.state == PLAYING and self._awaits_key,
-            "size": self.pictures.size,
+            "size": self.pictures.pixels.shape[1::-1],
         }
 
     def _play(self, now: float) -> None:
         """Begin to play, or go on."""
         self.state = PLAYING
         self.pictures.wait_from(now)
-        if self._fresh and not self.controls.pace.turn_based:
-            if self.controls.keys.idle is None:
-                self._awaits_key = True
-            else:
-                self.controls.pace.restart(now)
-        else:
+        if not self._fresh or self.controls.pace.turn_based:
             self.controls.pace.resume(now)
+        elif self.controls.keys.idle is None:
+            self._awaits_key = True
+        else:
+            self.controls.pace.restart(now)
         self._fresh = False
 
     def _let_go(self, now: float) -> None:

@@ -237,9 +237,7 @@ class Wishes:
         self.are_offered = are_offered
         self.is_busy = False
         self.way, self.look = 0, False
-        self._is_leaving = False
-        self._wish = ""
-        self._was_made = False
+        self._wish, self._is_leaving, self._was_made = "", False, False
 
     def express(self, name: str, way: float | str | None = None) -> None:
         """Wish for ``"make"`` or ``"practise"``, or ``"choose"`` one of the ways."""
