@@ -84,13 +84,13 @@ class Served:
 
 
 @contextmanager
-def serving(folder: Path, env=None, *, fps=None, maker=None, countdown=0.2, lost_after=ENOUGH):
+def serving(folder: Path, env=None, *, maker=None, lost_after=ENOUGH, countdown=0.2, **settings):
     """Serve a session in a thread until the block ends.
 
     On a busy machine a browser may draw nothing for seconds. It counts as lost after
     ``lost_after`` seconds; as in use, after one and a half, episodes would pause by themselves.
     """
-    settings = SessionSettings(target=3, countdown=countdown, fps=fps, makes=maker is not None)
+    settings = SessionSettings(target=3, countdown=countdown, makes=maker is not None, **settings)
     recorder = Recorder(env or Corridor(), folder / "demos", settings=settings)
     with in_a_thread(recorder, lost_after=lost_after, maker=maker) as served:
         yield served

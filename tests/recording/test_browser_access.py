@@ -251,6 +251,9 @@ def test_whoever_finishes_during_practice_is_asked(chromium, tmp_path) -> None:
         person.tap("Escape")
         person.page.get_by_role("button", name="Finish without it").click()
         person.until(state="finished")
+        assert person.page.locator("#title").inner_text() == "1 of 3 saved"
+        assert person.page.locator("#verdict").inner_text() == "Given up before it was done"
+        assert not person.page.locator("#work").is_visible()
 
 
 def test_screen_readers_hear_the_beginning_and_the_end_of_practice(chromium, tmp_path) -> None:

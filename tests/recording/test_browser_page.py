@@ -626,6 +626,32 @@ def test_a_large_tree_and_its_commands_can_be_read(chromium, tmp_path, width) ->
         assert person.page.evaluate(wide) == 0
 
 
+def test_an_option_of_a_command_is_not_broken_at_its_hyphens(chromium, tmp_path) -> None:
+    maker = ScriptedMaker()
+    line = "eutree learn --demos demos --expert demos-tree.json --out run"
+    maker.ready = replace(maker.ready, commands=(line,))
+    with serving(tmp_path, maker=maker) as served:
+        person = Person(chromium, served).until(state="opening")
+        person.page.set_viewport_size({"width": 390, "height": 844})
+        person.tap("Enter").until(state="playing").down("ArrowRight").until(state="review")
+        served.session.wishes.express("make")
+        person.up("ArrowRight").until(tree="ready")
+        code = person.page.locator("#commands code")
+        heights = code.evaluate("code => [...code.children].map((word) => word.offsetHeight)")
+        assert code.inner_text() == line
+        assert len(heights) == len(line.split())
+        assert max(heights) == min(heights)
+        assert code.evaluate("code => code.clientHeight") > 2 * max(heights)  # it is wrapped
+
+
+def test_what_the_agent_senses_is_a_panel_only_with_numbers(chromium, tmp_path) -> None:
+    with serving(tmp_path, hud=True) as served:
+        person = Person(chromium, served).until(state="opening")
+        assert not person.page.locator("#numbers-section").is_visible()
+        person.tap("Enter").until(state="playing")
+        assert "place" in person.page.locator("#numbers-section").inner_text()
+
+
 def test_who_has_only_fingers_is_told_of_buttons(chromium, tmp_path) -> None:
     with serving(tmp_path) as served:
         person = Person(chromium, served, has_touch=True, is_mobile=True).until(state="opening")

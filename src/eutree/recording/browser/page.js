@@ -325,7 +325,7 @@ function show() {
   rebuild("practise", [view.state, watching, phase(), view.tree?.may_gain, view.tree?.asks, view.tree?.was_searched], showPractise);
   rebuild("episodes", [view.episodes, watching, isOver()], showEpisodes);
   rebuild("numbers", view.numbers, showNumbers);
-  rebuild("tree", view.tree || null, showTree);
+  rebuild("tree", [view.tree, isOver()], showTree);
   rebuild("hurts", [view.tree?.hurts, view.tree?.was_searched, view.state, acts()], showHurts);
   rebuild("way", [view.driving?.nodes, view.driving?.tests, view.driving?.action, view.tree?.svg], showWay);
   rebuild("commands", commandsNow(), showCommands);
@@ -365,7 +365,7 @@ function keyFor(name) {
 
 /* Lets a screen reader say it; where a study has the floor, its own words stay. */
 function announce(...texts) {
-  if (!view.study?.is_card) $("announce").textContent = texts.filter(Boolean).join(". ");
+  if (!view.study?.is_card) $("announce").textContent = texts.filter(Boolean).join(". ").replaceAll(/([?!.])\. /g, "$1 ");
 }
 
 function showKeys() {
@@ -443,7 +443,8 @@ function watchingButtons() {
 
 function phase() { return view.tree ? view.tree.phase : ""; }
 function asksToLeave() { return Boolean(view.leaving) && works(); }
-function works() { return ["fitting", "playing", "practising"].includes(phase()); }
+function works() { return isMaking() && !isOver(); }
+function isMaking() { return ["fitting", "playing", "practising"].includes(phase()); }
 
 function recordingButtons() {
   const enough = view.saved >= view.target;
@@ -569,7 +570,7 @@ function showEpisodes() {
 }
 
 function showNumbers() {
-  $("numbers-section").hidden = !view.numbers;
+  $("numbers-section").hidden = !view.numbers?.length;
   words($("numbers"), ...(view.numbers || []).map(([name, value]) => {
     const row = document.createElement("tr");
     row.append(cell(name), cell(value, "right"));
@@ -798,7 +799,7 @@ function showTree() {
   $("tree-section").hidden = !tree || !(tree.svg || tree.curve.length);
   body.dataset.tree = tree ? tree.phase : "";
   if (!tree) return;
-  $("verdict").textContent = tree.message.replaceAll(" %", "\u00a0%"); // a number and its unit stay together
+  $("verdict").textContent = isMaking() && isOver() ? "Given up before it was done" : tree.message.replaceAll(" %", "\u00a0%"); // a number and its unit stay together
   $("verdict-section").dataset.verdict = tree.phase === "failed" ? BAD
     : ["better", "as good"].includes(tree.verdict) ? GOOD : "";
   $("tree-note").textContent = tree.note;
@@ -897,7 +898,11 @@ function showCommands() {
     const row = document.createElement("div");
     row.className = "command";
     const code = document.createElement("code");
-    code.textContent = line;
+    words(code, ...line.split(/(?<= )/).map((word) => { // whole, or "--out" breaks behind its first hyphen
+      const whole = document.createElement("span");
+      whole.textContent = word;
+      return whole;
+    }));
     const copy = document.createElement("button");
     copy.type = "button";
     copy.textContent = "Copy";
