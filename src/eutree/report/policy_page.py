@@ -75,7 +75,7 @@ def _made_with(policy: TreePolicy) -> list[str]:
         found.append(f"{control.name} in {len(texts)} levels from {ends}")
     arguments = policy.environment.arguments if policy.environment else {}
     for key, value in sorted(arguments.items()):
-        name = key.replace("_", " ")
+        name = key.removeprefix("n_").replace("_", " ")
         if isinstance(value, bool):
             found.append(name if value else f"no {name}")
         elif isinstance(value, int | float | str):
