@@ -112,7 +112,7 @@ def test_a_click_on_a_leaf_tells_what_is_known_of_it(opened: Opened, policy: Tre
     assert "opponent_1 > -8.5 and ≤ 8.5 m" in words
     assert str(policy.leaves.visits[3, 0]) in words
     assert opened.page.locator(".histogram rect").count() == 24
-    assert re.search(r"demonstration 1, (step \d+|steps \d+ to \d+): ", words)
+    assert re.search(r"demonstration 0, (step \d+|steps \d+ to \d+): ", words)
     opened.page.locator(".links button").first.click()
     wait_for(opened, selected=node, leaf=3)
     opened.page.click("#live")

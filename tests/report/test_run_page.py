@@ -159,6 +159,10 @@ def test_without_episodes_the_tree_has_the_whole_width(chromium: Any, tmp_path: 
     widths = "['#tree-panel', '.beside'].map(s => document.querySelector(s).clientWidth)"
     inner, outer = opened.page.evaluate(widths)
     assert inner == outer
+    said = opened.page.locator("#tree-panel, #details").all_inner_texts()
+    assert said
+    assert "%" not in "".join(said)  # nothing is known of visits: 0 % would be false
+    assert "recorded steps" not in "".join(said)
     opened.assert_quiet()
     opened.page.close()
 

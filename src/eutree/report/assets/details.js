@@ -32,7 +32,7 @@ function heading(node, leaves) {
   } else {
     line.append(element("strong", {}, `${wordsOf(node)}?`), ` ${leaves.length} leaves below. `);
   }
-  line.append(`${percent(shareOf(node))} of ${visitsOf[0]} ${statistics ? "visits" : "recorded steps"}`);
+  if (visitsOf[0]) line.append(`${percent(shareOf(node))} of ${visitsOf[0]} ${statistics ? "visits" : "recorded steps"}`);
   return line;
 }
 
@@ -141,7 +141,7 @@ function demonstrationsIn(leaves) {
   const found = runs(inOrder(leaves.flatMap((leaf) => demonstrationSteps[leaf])));
   if (!found.length) return part("Demonstrations", element("p", { class: "quiet" }, "No demonstrated step fell in here."));
   const words = ({ episode, step, end, action }) =>
-    `demonstration ${episode + 1}, ${end > step ? `steps ${step} to ${end}` : `step ${step}`}: ${actions[action]}`;
+    `demonstration ${episode}, ${end > step ? `steps ${step} to ${end}` : `step ${step}`}: ${actions[action]}`;
   const items = found.slice(0, 12).map((run) => element("li", {}, words(run)));
   if (found.length > 12) items.push(element("li", {}, `and ${found.length - 12} more`));
   return part("Demonstrations", element("ul", { class: "conditions" }, ...items));

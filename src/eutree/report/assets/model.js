@@ -223,6 +223,9 @@ recount();
 
 const shareOf = (node) => visitsOf[node] / Math.max(1, visitsOf[0]);
 
+/** Return a node's share of the visits in words; nothing where no visit is known. */
+const saidShare = (node) => (visitsOf[0] ? ` ${percent(shareOf(node))}` : "");
+
 /** Return a share as a percentage. */
 function percent(share) {
   const value = 100 * share;

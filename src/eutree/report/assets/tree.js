@@ -58,7 +58,7 @@ function boxWidth(node) {
     const [name, bound] = linesOf(node);
     return Math.max(textWidth(name, "13px"), textWidth(bound, "600 15px")) + 2 * PADDING + KNOB;
   }
-  const words = textWidth(cut(wordsOf(node)), "600 15px") + textWidth(` ${percent(shareOf(node))}`, "13px");
+  const words = textWidth(cut(wordsOf(node)), "600 15px") + textWidth(saidShare(node), "13px");
   return Math.max(words, textWidth(changeOf(node), "13px")) + 2 * PADDING + 8 + 120 * shareOf(node);
 }
 
@@ -140,7 +140,7 @@ function drawNode(node, { x, y, width }) {
   const siblings = node === 0 ? [0] : childrenOf(parentOf[node]);
   const change = changeOf(node);
   const words = leaf
-    ? `${wordsOf(node)} ${percent(shareOf(node))}${change && ` ${change},`} of visits, leaf ${tree.leaf[node]}`
+    ? `${wordsOf(node)}${saidShare(node)}${change && ` ${change},`}${visitsOf[0] ? " of visits" : ""}, leaf ${tree.leaf[node]}`
     : `${wordsOf(node)}?`;
   const answer = node === 0 ? "" : `${answerOf(parentOf[node], siblings[0] === node)}: `;
   const group = drawing("g", {
@@ -155,8 +155,8 @@ function drawNode(node, { x, y, width }) {
   group.append(ring, box);
   if (leaf) {
     box.style.fill = fills[data.leafActions[tree.leaf[node]]];
-    const label = drawing("text", { x: width / 2, y: change ? -2 : 5, "text-anchor": "middle" }, `${cut(wordsOf(node))} `);
-    label.append(drawing("tspan", { class: "share", dx: 2 }, percent(shareOf(node))));
+    const label = drawing("text", { x: width / 2, y: change ? -2 : 5, "text-anchor": "middle" }, cut(wordsOf(node)));
+    if (visitsOf[0]) label.append(" ", drawing("tspan", { class: "share", dx: 2 }, saidShare(node).trim()));
     group.append(label);
     if (change) {
       group.classList.add("changed");
