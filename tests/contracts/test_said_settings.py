@@ -91,6 +91,7 @@ SAID = {
         f"with lambda = {proposals.LAMBDA}.",
     ],
     "methods.md": [
+        f"{planned.ENOUGH_STEPS[12]:,} at 12 features, {planned.ENOUGH_STEPS[6]:,} at six",
         f"where at least {word(planned.ENOUGH_SHOWN)} demonstrations are given",
         f"{planned.ENOUGH_STEPS[12]:,} from 12 features on, "
         f"{planned.ENOUGH_STEPS[6]:,} from six on",
