@@ -157,7 +157,7 @@ def card_lines(card: zoo.Card, docs: Path) -> Iterator[str]:
     yield f"| worst of them | {card.worst} |"
     if card.success is not None:
         yield f"| success | {card.success:.1%} |"
-    yield f"| counted steps, seed | {card.steps:,}, {card.seed} |"
+    yield f"| counted steps | {card.steps:,}, with seed {card.seed} |"
     if card.module:
         yield f"| its task | an example of the repository: `--import {card.module}` |"
     if card.extra:
