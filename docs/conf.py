@@ -209,6 +209,13 @@ def keep_words_whole(app: Sphinx, doctree: nodes.document) -> None:
             text.parent.replace(text, list(kept))
 
 
+def stack_settings(app: Sphinx, doctree: nodes.document) -> None:
+    """Mark the tables of settings, whose columns stand one below another on a phone."""
+    if app.env.docname == "reference/settings":
+        for table in doctree.findall(nodes.table):
+            table["classes"].append("settings")
+
+
 def _in_table(node: nodes.Node) -> bool:
     while node is not None and not isinstance(node, nodes.entry):
         node = node.parent
@@ -256,3 +263,4 @@ def setup(app: Sphinx) -> None:
     app.add_directive("messages", MessagesTable)
     app.connect("source-read", say_where_figures_come_from)
     app.connect("doctree-read", keep_words_whole)
+    app.connect("doctree-read", stack_settings)

@@ -4,7 +4,7 @@ import importlib.util
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import pytest
@@ -58,6 +58,34 @@ def test_no_option_and_no_date_is_broken(started: Any, tmp_path: Path) -> None:
 def test_the_browser_breaks_them_without_the_style(started: Any, tmp_path: Path) -> None:
     found = broken(started, tmp_path, "whole", "")
     assert {"--practise", "2026-11-23", "--max-transitions"} <= set(found)
+
+
+SETTINGS = """<!doctype html><style>{style}</style><table class="{mark} docutils"><thead><tr>
+<th>setting</th><th>default</th><th>what it does</th></tr></thead><tbody><tr>
+<td><code class="literal"><span class="pre">planner.improvement.max_deviations</span></code></td>
+<td><code class="literal"><span class="pre">6000</span></code></td>
+<td>Steps at which single deviations are tried, at most.</td></tr></tbody></table>"""
+
+
+@pytest.mark.parametrize(("mark", "stands_below"), [("settings", True), ("", False)])
+def test_on_a_phone_what_a_setting_does_stands_below_it(
+    started: Any, tmp_path: Path, mark: str, stands_below: bool
+) -> None:
+    """Of the last column a word of three letters was to be seen."""
+    style = (ROOT / "docs" / "static" / "pages.css").read_text()
+    (tmp_path / "page.html").write_text(SETTINGS.format(mark=mark, style=style))
+    opened = open_page(started, tmp_path / "page.html", width=390)
+    boxes = [cell.bounding_box() for cell in opened.page.locator("td").all()]
+    assert (boxes[2]["y"] >= boxes[0]["y"] + boxes[0]["height"] - 1) is stands_below
+    opened.page.close()
+
+
+def test_the_tables_of_settings_are_marked(conf: ModuleType) -> None:
+    for page, classes in (("reference/settings", ["settings"]), ("methods", [])):
+        table = nodes.table()
+        app = SimpleNamespace(env=SimpleNamespace(docname=page))
+        conf.stack_settings(app, nodes.section("", table))
+        assert table["classes"] == classes
 
 
 def test_what_is_marked(conf: ModuleType) -> None:
