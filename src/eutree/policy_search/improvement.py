@@ -48,7 +48,7 @@ class Improvement:
         price: Return per episode that a leaf must earn, as a share of a typical return's size.
         deviations: Steps at which single deviations are tried, at most; with more than three
             actions so many fewer that no more deviations are tried than with three.
-        min_rows: Fewest of them inside a box.
+        min_rows: Fewest deviations inside a box.
         max_leaves: Most leaves of the tree.
     """
 

@@ -106,15 +106,15 @@ class Planner:
         n_episodes: Rollouts that judge each change, at most.
         n_steps: Steps of these episodes together, about: fewer episodes where they are long, so
             that planning costs as much whatever their length; at least 100 episodes.
-        n_explorer_episodes: The same for the explorer, at most: its actions need not be good,
-            they have to be different where that may pay.
+        n_explorer_episodes: Rollouts that judge each change of the explorer, at most: its actions
+            need not be good, they have to be different where that may pay.
         improvement: How trees are improved.
         explorer_share: Share of the gathered episodes in which the explorer acts.
         pessimism: Share of the unknown that counts as fatal in the challenger's world model.
-        optimism: The same in the explorer's; smaller.
+        optimism: Share of the unknown that counts as fatal in the explorer's world model.
         min_episodes: Fewest episodes of an online evaluation.
-        trial_steps: Steps after which it is over, though its episodes are fewer; five they are.
-        memory: Most recent of its episodes that count.
+        trial_steps: Steps after which that is over with fewer episodes, but for at least five.
+        memory: Most recent episodes of a policy that count in an online evaluation.
         growth: Plan again when the history has grown by this factor.
         max_transitions: Most recent transitions a world model is fitted to.
         discount: gamma of rollouts.
