@@ -16,8 +16,8 @@ of a Continuous U-Tree (Table 1 of the paper), which the demonstrations fill and
         if it is significant (P = 0.01): split it, update Pr and R    EUTree.expand, EUTree.solve
         solve the MDP for Q(s, a) and V(s) = max_a Q(s, a)    (Eqs. 5, 6)     MDP.solve
 
-Choices that the paper leaves open are those of `eutree learn --preset paper`, which makes the same
-trees by compiled loops (tests/examples/test_eu_tree.py). Run it: python examples/eu_tree.py
+What the paper leaves open is chosen as in `--preset paper`, whose trees are the same (a test shows
+it). Run it: python examples/eu_tree.py. In this task it loses what it was shown (see README.md).
 """
 
 import math
