@@ -181,7 +181,7 @@ BAD_CSV = {
     "episode,action,x\n0,1,nan\n": "line 2: x must be a finite number, got 'nan'",
     "episode,action,x\n0,1,1_0\n": "x must be a finite number",
     "episode,action,x\n0,,1\n0,1,2\n": "line 2: only an episode's last row may have no action",
-    "episode,action,x\n0,99999,1\n0,,2\n": "below 10,000",
+    "episode,action,action_name,x\n0,99999,far,1\n0,,,2\n": "below 10,000",
     "episode,action,terminated,x\n0,1,1,1\n0,1,,2\n0,,,2\n": "line 3: the episode ended on",
     "episode,action,reward,x\n0,1,inf,1\n0,,,2\n": "reward must be a finite number",
     "episode,action,kept,x\n0,1,maybe,1\n0,,maybe,2\n": "kept must be true or false, got 'maybe'",

@@ -114,6 +114,33 @@ def test_levels_of_a_quantity_are_in_their_order(tmp_path):
     assert Demonstrations.from_csv(path).schema.actions == ("-1.0", "0.0", "2.5")
 
 
+@pytest.mark.parametrize(
+    ("written", "actions", "numbers"),
+    [
+        (("1500", "0", "1500"), ("0", "1500"), [1, 0, 1]),  # watts
+        (("22", "20", "21"), ("20", "21", "22"), [2, 0, 1]),  # degrees
+        (("2", "100", "1"), ("1", "2", "100"), [1, 2, 0]),  # a name that is an index, too
+        (("3", "0", "3"), ("action_0", "action_1", "action_2", "action_3"), [3, 0, 3]),
+        (("17", "0", "0"), tuple(f"action_{k}" for k in range(18)), [17, 0, 0]),
+    ],
+)
+def test_whole_numbers_far_apart_are_quantities(tmp_path, written, actions, numbers):
+    path = tmp_path / "log.csv"
+    rows = "".join(f"0,{action},{k}\n" for k, action in enumerate(written))
+    path.write_text(f"episode,action,x\n{rows}0,,9\n")
+    shown = Demonstrations.from_csv(path)
+    assert shown.schema.actions == actions
+    assert shown.episodes[0].actions.tolist() == numbers
+
+
+def test_indices_with_names_beside_them_stay_indices(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("episode,action,action_name,x\n0,40,far,1\n0,0,near,2\n0,,,3\n")
+    shown = Demonstrations.from_csv(path)
+    assert len(shown.schema.actions) == 41
+    assert shown.episodes[0].actions.tolist() == [40, 0]
+
+
 def test_a_log_may_be_one_episode_without_a_time(tmp_path):
     path = tmp_path / "log.csv"
     path.write_text("heater,x\non,1\noff,2\noff,3\n")

@@ -13,7 +13,7 @@ from eutree.data import Demonstrations, Episode
 from eutree.errors import InvalidArgumentError
 from eutree.evaluation import Evaluation
 from eutree.fitting import Person, playing
-from eutree.fitting.diagnosis import about_result, harms, in_words
+from eutree.fitting.diagnosis import TOLD, about_result, harms, in_words
 from eutree.fitting.fit import mend, race
 from eutree.fitting.playing import Played, Player, blame, practise, repairs, shown_in
 from eutree.learners.starts import RELEASE_8, SETTINGS, FittedTree, fitted_trees, promising
@@ -232,6 +232,12 @@ class TestBadInput:
         episodes = [wrong(e, actions=np.ones_like(e.actions)) for e in shown]
         found = self.sentences(replace(shown, episodes=tuple(episodes)), corridor)
         assert found[0].startswith("The demonstrations never show wait:")
+
+    def test_of_many_actions_that_never_occur_a_few_are_named(self, shown):
+        schema = replace(shown.schema, actions=tuple(f"u{k}" for k in range(40)))
+        found = eutree.fit(Demonstrations(shown.kept, schema)).warnings
+        named = " nor ".join(f"u{k}" for k in range(2, 2 + TOLD))
+        assert found[0].startswith(f"The demonstrations never show {named} nor {38 - TOLD} more: ")
 
     def test_an_action_that_occurs_only_where_it_was_dropped(self, corridor, shown):
         episodes = [

@@ -5,8 +5,8 @@ The columns ``episode`` and ``action`` are required, ``step``, ``action_name``, 
 other column is a feature, its unit in brackets: ``position [m]``. The last row of an episode has
 no action: it shows where the last action led. In a log without such rows the last action of each
 episode is dropped, because its successor is not known; the episode's extras keep it, under
-``dropped_action``. Actions are indices, or names. An episode has a reward for each action, or none
-at all.
+``dropped_action``. Actions are indices, names, or quantities. An episode has a reward for each
+action, or none at all.
 """
 
 import csv
@@ -32,6 +32,7 @@ MAX_CSV = 512 * 2**20
 MAX_NUMBERS = 24 * 2**20  # of all rows: features, action and reward
 MAX_EPISODES = 100_000
 MAX_CATEGORIES = 100  # of one column: each is a feature
+SMALL = 18  # indices of actions below it are indices, whichever are missing: so many has Atari
 
 KNOWN = (
     "episode", "step", "action", "action_name", "reward", "terminated", "truncated", "seed",
@@ -331,6 +332,8 @@ class _Table:
         texts = tuple(self._codes)
         if self._log.actions:
             return self._log.actions
+        if self._are_quantities():
+            return tuple(sorted(texts, key=float))
         if all(map(str.isdecimal, texts)):
             large = [text for text in texts if not _INDEX.fullmatch(text) or int(text) >= MAX_NAMES]
             if large:
@@ -338,12 +341,24 @@ class _Table:
             unnamed = numbered_actions(max(map(int, texts), default=0) + 1)
             names = {int(text): name for text, name in self._names.items()}
             return tuple(names.get(k, name) for k, name in enumerate(unnamed))
-        return tuple(sorted(texts, key=float)) if all(map(is_quantity, texts)) else texts
+        return texts
+
+    def _are_quantities(self) -> bool:
+        """Return whether the actions are numbers, such as 0 and 1500, that are no indices.
+
+        Indices are named beside, or small, or half of those up to the largest are there at least.
+        """
+        texts = self._codes
+        if self._names or not texts or not all(map(is_quantity, texts)):
+            return False
+        if not all(map(_INDEX.fullmatch, texts)):
+            return True
+        return max(map(int, texts)) >= max(2 * len(texts), SMALL)
 
     def _action(self, text: str, names: tuple[str, ...]) -> int:
         """Return the action that a text in the column means: an index, or else a name."""
         is_index = _INDEX.fullmatch(text) and int(text) < len(names)
-        if text in names and (self._log.actions or not is_index):
+        if text in names and (self._log.actions or not is_index or self._are_quantities()):
             return names.index(text)
         if is_index:
             return int(text)

@@ -20,6 +20,7 @@ from eutree.trees.text import printable
 OFTEN = 0.05  # share of the episodes with one bad ending that is worth a sentence
 MIXED = 0.1  # share of another action in a leaf that makes its decision doubtful
 FEW = 10  # steps that say little
+TOLD = 5  # actions that are named, of more than are shown
 STILL = 0.5  # share of an episode's steps up to its end, all by one leaf: nothing moves on
 
 
@@ -54,8 +55,9 @@ def about_demonstrations(demonstrations: Demonstrations) -> list[str]:
             "row more."
         )
     if missing:
+        told = missing if len(missing) <= TOLD else [*missing[:TOLD], f"{len(missing) - TOLD} more"]
         found.append(
-            f"The demonstrations never show {' nor '.join(missing)}: no tree made of them can "
+            f"The demonstrations never show {' nor '.join(told)}: no tree made of them can "
             "take that action. Show when it is right."
         )
     person = Person.of(demonstrations)
