@@ -281,11 +281,11 @@ def import_(
     """Read demonstrations from SOURCE: minari:ID, or a file ending in .csv or .npz.
 
     A .csv has one row for each observation, in order. Two columns are required: "episode" (which
-    one; any text) and "action" (taken there; names, numbers from 0, or
-    quantities as 0 and 1500). "step", "action_name", "reward", "terminated", "truncated", "seed",
-    "ending", "is_success" and "kept" are known; every other column is a feature, its unit in brackets: "level [m]". The last row of
-    an episode has an empty action: it shows where the last action led. Without such a row the
-    last action is left out. A machine's log without marks of episodes is read by --time, or as
+    one; any text) and "action" (taken there; names, numbers from 0, or quantities as 0 and 1500).
+    "step", "action_name", "reward", "terminated", "truncated", "seed", "ending", "is_success" and
+    "kept" are known; every other column is a feature, its unit in brackets: "level [m]". The last
+    row of an episode has an empty action: it shows where the last action led. Without such a row
+    the last action is left out. A machine's log without marks of episodes is read by --time, or as
     --one-episode.
     """
     from eutree.data import Demonstrations, LogFormat
