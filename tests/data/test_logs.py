@@ -119,6 +119,7 @@ def test_levels_of_a_quantity_are_in_their_order(tmp_path):
     [
         (("1500", "0", "1500"), ("0", "1500"), [1, 0, 1]),  # watts
         (("22", "20", "21"), ("20", "21", "22"), [2, 0, 1]),  # degrees
+        (("250000", "0", "0"), ("0", "250000"), [1, 0, 0]),  # pascals
         (("2", "100", "1"), ("1", "2", "100"), [1, 2, 0]),  # a name that is an index, too
         (("3", "0", "3"), ("action_0", "action_1", "action_2", "action_3"), [3, 0, 3]),
         (("17", "0", "0"), tuple(f"action_{k}" for k in range(18)), [17, 0, 0]),

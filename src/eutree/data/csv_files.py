@@ -351,9 +351,10 @@ class _Table:
         texts = self._codes
         if self._names or not texts or not all(map(is_quantity, texts)):
             return False
+        highest = max(map(float, texts))
         if not all(map(_INDEX.fullmatch, texts)):
-            return True
-        return max(map(int, texts)) >= max(2 * len(texts), SMALL)
+            return highest < 2**53  # above it two whole numbers may be one
+        return highest >= max(2 * len(texts), SMALL)
 
     def _action(self, text: str, names: tuple[str, ...]) -> int:
         """Return the action that a text in the column means: an index, or else a name."""
