@@ -306,8 +306,9 @@ class _Table:
             names = [feature.name for feature in features]
             reason = f"expected {schema.n_features} features, got columns {names}"
             raise FormatError(path, "line 1", reason)
+        by_name = bool(self._log.actions) or self._are_quantities()
         with blamed(path, "action"):
-            numbers = [self._action(text, schema.actions) for text in self._codes]
+            numbers = [self._action(text, schema.actions, by_name) for text in self._codes]
         numbers_of_codes = np.array(numbers, dtype=np.int64)
         episodes = []
         for group in self._groups:
@@ -356,10 +357,10 @@ class _Table:
             return highest < 2**53  # above it two whole numbers may be one
         return highest >= max(2 * len(texts), SMALL)
 
-    def _action(self, text: str, names: tuple[str, ...]) -> int:
-        """Return the action that a text in the column means: an index, or else a name."""
+    def _action(self, text: str, names: tuple[str, ...], by_name: bool) -> int:
+        """Return the action of a text: an index, or else a name; if ``by_name``, a name first."""
         is_index = _INDEX.fullmatch(text) and int(text) < len(names)
-        if text in names and (self._log.actions or not is_index or self._are_quantities()):
+        if text in names and (by_name or not is_index):
             return names.index(text)
         if is_index:
             return int(text)
