@@ -1,7 +1,7 @@
 """Measure what trees pruned by imagined returns earn, and what the trees they are cut from copy.
 
 Run: python benchmarks/prunings.py LunarLander-v3 [--seeds 1001 1002] [--steps 500000]
-     [--leaves 32] [--prunings 3] [--episodes 160] [--tried 10] [--best 3]
+     [--leaves 32] [--prunings 3] [--episodes 160] [--tried 24] [--best 5]
      [--out docs/results/prunings.csv]
 
 A run of ``distilled-dqn`` with the settings of the task stops where it would propose challengers
@@ -77,17 +77,20 @@ def rows_of_run(cell: Cell, arguments: argparse.Namespace) -> list[dict[str, Any
         students.begin(learner.dagger.labelled_from)
         judge = EnsembleRollouts(model, N_STARTS, generator)
         judge.run(students.fit(rows, cell.leaves))
-        for (times, weighted), _ in product(RECIPES, range(arguments.prunings)):
-            large = students.fit(rows, times * cell.leaves, weighted=weighted)
+        large = {
+            recipe: students.fit(rows, recipe[0] * cell.leaves, weighted=recipe[1])
+            for recipe in RECIPES
+        }
+        for recipe, _ in product(RECIPES, range(arguments.prunings)):
             begin = time.process_time()
             rollouts = EnsembleRollouts(model, N_STARTS, generator)
-            tree, _ = pruned_by_rollouts(large, rollouts, cell.leaves, generator)
+            tree, _ = pruned_by_rollouts(large[recipe], rollouts, cell.leaves, generator)
             spent = time.process_time() - begin
             imagined = judge.score(judge.returns_of(tree))
             returns = earned(tree, learner, env, arguments.episodes)
             found.append({
                 "task": cell.task, "steps": cell.steps, "leaves": cell.leaves, "seed": cell.seed,
-                "labels": labels, "times": times, "weighted": int(weighted),
+                "labels": labels, "times": recipe[0], "weighted": int(recipe[1]),
                 "tried": arguments.tried, "best": arguments.best, "imagined": round(imagined, 1),
                 "return": round(float(returns.mean()), 1),
                 "error": round(float(returns.std(ddof=1) / np.sqrt(returns.size)), 1),
