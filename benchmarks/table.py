@@ -40,6 +40,7 @@ from eutree.cli._given import RunSettings, chosen_method
 from eutree.distillation import DistillationSettings
 from eutree.envs.experts import EXPERTS
 from eutree.interaction.making import make
+from eutree.interaction.names import Names, named
 from eutree.schema import EnvironmentSpec
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -112,6 +113,7 @@ class Settings:
     demonstrations: int
     race: float  # share of the steps that are left
     arguments: dict[str, Any]  # that the task is made with
+    derived: Names  # of its features, those that are computed
 
     @classmethod
     def of(cls, task: str) -> "Settings":
@@ -119,7 +121,8 @@ class Settings:
         method = chosen_method(None, offline=False, settings=path, changes=(), discount=None)
         run = RunSettings.of(path)
         script = script_of(task, str(run.expert))
-        return cls(method, script, run.demonstrations, run.race_share, dict(run.arguments))
+        return cls(method, script, run.demonstrations, run.race_share, dict(run.arguments),
+                   Names(derived=tuple(run.derived)))  # fmt: skip
 
 
 def script_of(task: str, name: str) -> Any:
@@ -189,7 +192,8 @@ def distilled(cell: Cell, env: Any) -> tuple[eutree.TreePolicy, int]:
 def measured(cell: Cell, trees: Path | None) -> dict[str, Any]:
     """Run a cell and return its row; its tree is kept in a folder, if there is one."""
     settings = Settings.of(cell.task)
-    env = make(EnvironmentSpec(cell.task, settings.arguments))
+    with named(settings.derived):
+        env = make(EnvironmentSpec(cell.task, settings.arguments))
     taught = int(TEACHERS * cell.steps) if cell.who in STUDENTS else 0
     teacher = network(cell.task, taught, cell.seed)[1] if taught else 0.0
     begin = time.process_time() - teacher

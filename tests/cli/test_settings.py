@@ -81,6 +81,21 @@ arguments = { action_grid = { "torque [N m]" = [-2.0, 0.0, 2.0] } }
     assert len(TreePolicy.load(tmp_path / "b" / "policy.json").schema.actions) == 5
 
 
+def test_settings_may_declare_derived_features(tmp_path):
+    file = tmp_path / "push.toml"
+    file.write_text("""method = "planning"
+[run]
+expert = "rock"
+demonstrations = 2
+derived = ["lean = position + velocity"]
+""")
+    line = ["learn", "MountainCar-v0", "--settings", str(file), *SHORT, "--front-steps", "0"]
+    for more, names in (([], ["lean"]), (["--derive", "own = position * velocity"], ["own"])):
+        assert run([*line, *more, "--out", str(tmp_path / names[0])]) == 0
+        schema = TreePolicy.load(tmp_path / names[0] / "policy.json").schema
+        assert [one.name for one in schema.derived] == names
+
+
 @pytest.mark.parametrize("path", sorted((Path(zoo.__file__).parent / "settings").glob("*.toml")))
 def test_settings_of_the_zoo_are_read(path):
     assert RunSettings.of(path).demonstrations > 0

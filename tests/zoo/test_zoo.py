@@ -110,7 +110,12 @@ def test_settings_are_choices_of_a_method_and_a_run(path: Path) -> None:
     document = tomllib.loads(path.read_text())
     of_run = document.pop("run")
     assert with_choices(method(document.pop("method")), document) is not None
-    assert of_run.keys() - {"arguments"} == {"task", "expert", "demonstrations", "race_share"}
+    assert of_run.keys() - {"arguments", "derived"} == {
+        "task",
+        "expert",
+        "demonstrations",
+        "race_share",
+    }
     task = path.stem.replace("eutree-", "eutree/")
     assert of_run["task"] == task
     assert zoo.settings_of(task) == path

@@ -10,13 +10,14 @@ import json
 import os
 import shlex
 import tomllib
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import click
 
-from eutree.cli._options import Helped, Written, look_in_this_folder
+from eutree.cli._options import Helped, Written, give, look_in_this_folder
 from eutree.cli._output import say
 from eutree.cli._policies import in_zoo, is_own
 from eutree.errors import FileError, FormatError, InvalidArgumentError
@@ -209,6 +210,7 @@ class RunSettings:
     race_share: float = 0.0
     # Of the environment, where neither the user nor demonstrations say otherwise
     arguments: dict[str, Any] = field(default_factory=dict)
+    derived: Sequence[str] = ()  # declarations as for ``--derive``, where the user gives none
 
     @classmethod
     def of(cls, settings: Path | None) -> "RunSettings":
@@ -225,6 +227,14 @@ class RunSettings:
         except TypeError:
             known = ", ".join(cls.__dataclass_fields__)
             raise FormatError(settings, "run", f"must be a table of {known}, got {table}") from None
+
+    def declare_derived(self, context: click.Context) -> None:
+        """Declare its derived features for every environment that the command makes."""
+        from eutree.interaction.names import Names, given_names
+
+        given = given_names()
+        if self.derived and not (given and given.derived):
+            give(context, Names(derived=tuple(self.derived)))
 
     def shown(self, spec: "EnvironmentSpec", seed: int) -> "Demonstrations | None":
         """Return the episodes of who demonstrates, recorded now."""

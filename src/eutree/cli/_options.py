@@ -399,7 +399,7 @@ def _use_names(context: click.Context, parameter: click.Parameter, path: Path | 
         return
     from eutree.interaction.names import Names
 
-    _give(context, Names.load(path))
+    give(context, Names.load(path))
 
 
 def _derive(context: click.Context, parameter: click.Parameter, texts: tuple[str, ...]) -> None:
@@ -414,10 +414,10 @@ def _derive(context: click.Context, parameter: click.Parameter, texts: tuple[str
         context.meta[AUTO] = True
         texts = tuple(text for text in texts if text != AUTO)
     declared = [line for text in texts for line in ([text] if "=" in text else declarations(text))]
-    _give(context, Names(derived=tuple(declared)))
+    give(context, Names(derived=tuple(declared)))
 
 
-def _give(context: click.Context, names: "Names") -> None:
+def give(context: click.Context, names: "Names") -> None:
     """Give names besides those that were given before."""
     from eutree.interaction.names import given_names, named
 

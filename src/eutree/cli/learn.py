@@ -175,12 +175,13 @@ def learn(
         return Result(*listed(chosen, offline=offline))
     if out is None:
         raise click.MissingParameter(param_type="option", param_hint="'--out'")
+    of_run = RunSettings.of(settings)
+    of_run.declare_derived(click.get_current_context())
     demonstrations = None if demos is None else load_demonstrations(demos)
     if offline and demonstrations is None:
         raise InvalidArgumentError("--offline learns from demonstrations alone; name them: --demos")
     if offline and against is not None:
         raise InvalidArgumentError("--against needs an environment to act in; leave out --offline")
-    of_run = RunSettings.of(settings)
     spec = None if offline else _spec(environment, demonstrations, env_arguments, of_run)
     rival = None if spec is None or against is None else controller(against, "--against", spec)
     if demonstrations is None and expert is None and spec is not None:
