@@ -43,6 +43,8 @@ COLUMNS = ("task", "controller", "seed", "seconds", "demand", "episodes", "retur
            "longest_wait", "worst", "jams", "leaves", "steps", "cpu", "mebibytes")  # fmt: skip
 STEPS, SHOWN = 20_000, 10
 CONDITIONS = ((3600, 1.0), (3600, 0.8), (3600, 1.2))  # seconds, demand
+DRAWN = {"seconds": 1800, "demand": "drawn"}  # the half hours in which trees learn
+HALF_HOURS = 200  # of each rival
 JAM = 300.0  # seconds that a vehicle stands at a stretch
 BEST_RULE = {  # of those in the table, by its rows
     "Cologne1-v0": traffic_light.max_wave,
@@ -124,6 +126,11 @@ def rivals(options: Any) -> None:
     """Measure all that needs no learning."""
     for name, (program, controller) in RIVALS.items():
         under_all_conditions(options, name, controller, program=program, facts={"seed": 0})
+        key = {"task": options.junction, "controller": name, "seed": 0, **DRAWN}
+        if not is_known(options.out, key):
+            env = light(options.junction, program=program)
+            keep(options.out, {**key, **summary(list(played(env, controller, HALF_HOURS, 10**6)))})
+            env.close()
 
 
 def learned(
@@ -202,8 +209,7 @@ def jams(options: Any) -> None:
     paths = sorted(options.keep.glob(f"{options.junction}-*.json"))
     kept = {int(path.stem.rpartition("-")[2]): eutree.TreePolicy.load(path) for path in paths}
     for seed, controller in (kept | {0: BEST_RULE[options.junction]}).items():
-        key = {"task": options.junction, "controller": "half hours", "seed": seed,
-               "seconds": 1800, "demand": "drawn"}  # fmt: skip
+        key = {"task": options.junction, "controller": "half hours", "seed": seed, **DRAWN}
         if not is_known(options.out, key):
             found = summary(list(played(env, controller, options.episodes, 10**7 + 1000 * seed)))
             keep(options.out, {**key, "leaves": getattr(controller, "n_leaves", ""), **found})
@@ -377,9 +383,9 @@ def ahead(options: Any) -> None:
 def light_table(known: list[Row]) -> list[str]:
     """Return a line for each controller of a light: vehicles that stand, by demand."""
     lines = [
-        "| controller | runs | standing | demand -20 % | demand +20 % | RESCO's delay, s |"
-        " longest wait, s | leaves | CPU s | MiB |",
-        "|---" * 10 + "|",
+        "| controller | runs | standing | demand -20 % | demand +20 % | half hours, demand drawn |"
+        " RESCO's delay, s | longest wait, s | leaves | CPU s | MiB |",
+        "|---" * 11 + "|",
     ]
     names = list(dict.fromkeys(row["controller"] for row in known if row["seconds"] == "3600"))
 
@@ -389,6 +395,9 @@ def light_table(known: list[Row]) -> list[str]:
     for name in sorted(names, key=standing):
         mine = of(known, name, 1.0)
         cells = [spread(of(known, name, demand), "return", -1) for demand in (1.0, 0.8, 1.2)]
+        label = "half hours" if name == "tree (auto)" else name
+        drawn = [row for row in known if (row["controller"], row["demand"]) == (label, "drawn")]
+        cells.append(spread(drawn, "return", -1))
         waits = max(float(row["longest_wait"]) for row in of(known, name, None))
         lines.append(
             f"| {name} | {len(mine) if mine[0]['steps'] else ''} | " + " | ".join(cells)
