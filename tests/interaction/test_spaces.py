@@ -4,7 +4,16 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium import spaces
-from gymnasium.wrappers import FilterObservation, FlattenObservation, TimeLimit
+from gymnasium.wrappers import (
+    FilterObservation,
+    FlattenObservation,
+    FrameStackObservation,
+    RecordEpisodeStatistics,
+    TimeLimit,
+    TransformAction,
+    TransformObservation,
+    TransformReward,
+)
 
 from eutree.errors import UnsupportedSpaceError
 from eutree.interaction import GuardedEnv
@@ -122,6 +131,51 @@ def test_what_no_file_holds_is_no_spec():
         assert spec_of(gymnasium.make("Tooled-v0", tool=object())) is None
     finally:
         gymnasium.registry.pop("Tooled-v0")
+
+
+def scaled(env):
+    """Return CartPole in other units, within the same bounds."""
+    return TransformObservation(env, lambda observation: observation / 2, env.observation_space)
+
+
+@pytest.mark.parametrize(
+    "wrapped",
+    [
+        scaled,
+        lambda env: TransformReward(scaled(env), float),
+        lambda env: TransformAction(env, lambda action: 1 - action, env.action_space),
+        lambda env: FlattenObservation(FrameStackObservation(env, 2)),
+    ],
+)
+def test_what_a_wrapper_changes_no_spec_makes_again(wrapped):
+    """Its policies were evaluated, and proofs made, in the environment without the wrapper."""
+    assert spec_of(wrapped(gymnasium.make("CartPole-v1"))) is None
+
+
+def test_a_wrapper_that_changes_no_meaning_keeps_the_spec():
+    env = gymnasium.make("CartPole-v1")
+    for same in (
+        TransformReward(env, float),
+        RecordEpisodeStatistics(env),
+        FlattenObservation(env),
+    ):
+        assert spec_of(same).id == "CartPole-v1"
+
+
+def test_a_wrapper_of_the_registration_is_made_again_with_it():
+    gymnasium.register(
+        "Stacked-v0",
+        lambda: Healthy(),
+        additional_wrappers=(
+            FrameStackObservation.wrapper_spec(stack_size=2, padding_type="reset"),
+        ),
+    )
+    try:
+        env = gymnasium.make("Stacked-v0")
+        assert isinstance(env, FrameStackObservation)
+        assert spec_of(env).id == "Stacked-v0"
+    finally:
+        gymnasium.registry.pop("Stacked-v0")
 
 
 @pytest.mark.parametrize(

@@ -187,7 +187,8 @@ def spec_of(env: gymnasium.Env[Any, Any]) -> EnvironmentSpec | None:
     registration: its time limit, also where a ``TimeLimit`` was put around it by hand, and
     whether it is checked; whether its observations are decoded; and the grid of its actions, unless
     the registered environment itself sees to these two. None if it was not made by
-    ``gymnasium.make``, or with arguments that no file holds.
+    ``gymnasium.make``, or with arguments that no file holds, or if a wrapper around it changes
+    observations or actions: what was learned there means nothing without the wrapper.
     """
     spec = env.spec
     if spec is None:
@@ -201,6 +202,7 @@ def spec_of(env: gymnasium.Env[Any, Any]) -> EnvironmentSpec | None:
         arguments["max_episode_steps"] = NO_LIMIT if limit is None else limit
     if usual is not None and spec.disable_env_checker != usual.disable_env_checker:
         arguments["disable_env_checker"] = spec.disable_env_checker
+    registered = {one.name for one in getattr(usual, "additional_wrappers", ())}
     for wrapper in wrappers_of(env):
         if isinstance(wrapper, OrderEnforcing | PassiveEnvChecker):
             break  # ``gymnasium.make`` puts these and all within around its environments
@@ -210,10 +212,21 @@ def spec_of(env: gymnasium.Env[Any, Any]) -> EnvironmentSpec | None:
             arguments[ONE_HOT] = True
         elif isinstance(wrapper, GriddedAction) and wrapper is grid_around(env):
             arguments[ACTION_GRID] = plain_grid(wrapper.controls)
+        elif _changes_meanings(wrapper) and type(wrapper).__name__ not in registered:
+            return None
     try:
         return EnvironmentSpec(spec.id, plain_json(arguments, f"arguments of {spec.id}"))
     except InvalidArgumentError:
         return None
+
+
+def _changes_meanings(wrapper: gymnasium.Wrapper[Any, Any, Any, Any]) -> bool:
+    """Return whether a wrapper changes observations or actions, but for what a schema derives."""
+    return "_derivation" not in vars(wrapper) and (
+        isinstance(wrapper, gymnasium.ObservationWrapper | gymnasium.ActionWrapper)
+        or wrapper.observation_space is not wrapper.env.observation_space
+        or wrapper.action_space is not wrapper.env.action_space
+    )
 
 
 def encoder(space: spaces.Space[Any]) -> Encoder:
