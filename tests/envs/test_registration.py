@@ -11,7 +11,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import eutree  # noqa: F401 - registers
-from eutree.envs import IDS, register
+from eutree.envs import IDS, experts, register
 from tests.patience import ENOUGH
 
 SOURCE = str(Path(__file__).parents[2] / "src")
@@ -123,21 +123,41 @@ def test_a_stranger_adds_an_environment_and_its_demonstrator(tmp_path: Path) -> 
 
 
 def test_a_stranger_that_cannot_be_imported_is_named_and_stops_nobody(tmp_path: Path) -> None:
-    points = "[eutree.environments]\nline = stranger:nothing\n[eutree.experts]\nx = nowhere:X\n"
+    """One broken distribution took the demonstrators of all others away."""
+    (tmp_path / "leaving.py").write_text("raise SystemExit(3)\n")
+    points = (
+        "[eutree.environments]\nline = stranger:nothing\nquits = leaving:register\n"
+        "[eutree.experts]\na = nowhere:X\nb = json:loads\nc = leaving:X\nd = stranger:EXPERTS\n"
+    )
     code = (
         "import warnings\n"
         "with warnings.catch_warnings(record=True) as said:\n"
+        "    warnings.simplefilter('always')\n"
         "    import eutree\n"
-        "print(said[0].message)\n"
-        "from eutree.envs.experts import experts_for\n"
-        "assert experts_for('CartPole-v1')\n"
-        "try:\n    experts_for('stranger/Line-v0')\n"
-        "except eutree.EutreeError as error:\n    print(error)\n"
+        "    from eutree.envs.experts import experts_for\n"
+        "    assert list(experts_for('stranger/Line-v0')) == ['go']\n"
+        "print(*(one.message for one in said), sep='\\n')\n"
     )
     done = subprocess.run(
         [sys.executable, "-c", code],
         env=installed(tmp_path, points), capture_output=True, text=True, check=True, timeout=ENOUGH,
     )  # fmt: skip
-    first, second = done.stdout.splitlines()
-    assert first.startswith("environments 'line', stranger:nothing, cannot be registered: ")
-    assert second.startswith("experts 'x', nowhere:X, cannot be imported: ")
+    begin = [line.partition(" cannot ")[0] for line in done.stdout.splitlines()]
+    assert begin == [
+        "environments 'line', stranger:nothing,", "environments 'quits', leaving:register,",
+        "experts 'a', nowhere:X,", "experts 'b', json:loads,", "experts 'c', leaving:X,",
+    ]  # fmt: skip
+
+
+def test_a_stranger_adds_a_demonstrator_to_an_environment_that_has_some(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "more.py").write_text("EXPERTS = {'CartPole-v1': {'lean': len, 'fall': len}}\n")
+    metadata = tmp_path / "more-1.0.dist-info"
+    metadata.mkdir()
+    (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: more\nVersion: 1.0\n")
+    (metadata / "entry_points.txt").write_text("[eutree.experts]\nmore = more:EXPERTS\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    known = experts.experts_for("CartPole-v1")
+    assert list(known) == ["fall", "balance", "lean"]
+    assert known["fall"] is experts.follow_the_fall, "ours stay ours"

@@ -300,9 +300,14 @@ def test_entry_points_that_are_wrong_are_named(tmp_path, monkeypatch):
         (folder / "METADATA").write_text(
             f"Metadata-Version: 2.1\nName: wrong{number}\nVersion: 1.0\n"
         )
-        (folder / "entry_points.txt").write_text(f"[{GROUP}]\n{lines}")
+        commands = f"[eutree.commands]\ntwice = {'ab'[number]}:{'ab'[number]}\n"
+        (folder / "entry_points.txt").write_text(f"[{GROUP}]\n{lines}{commands}")
     monkeypatch.syspath_prepend(str(tmp_path))
     assert type(method("planning")).__name__ == "PlanningMethod"  # ours stay ours
+    with pytest.raises(
+        InvalidArgumentError, match="command 'twice' is offered by several: a:a, b:b"
+    ):
+        eutree_command("twice")
     for name, message in (
         ("twice", "offered by several: a:A, b:B"),
         ("gone", "nowhere:Method, cannot be imported"),

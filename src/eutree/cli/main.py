@@ -97,21 +97,24 @@ def _added_command(name: str) -> click.Command:
 
     Raises:
         UnknownNameError: There is none of that name.
-        InvalidArgumentError: It cannot be imported, or is none of click's.
+        InvalidArgumentError: Several offer it, it cannot be imported, or it is none of click's.
     """
-    points = sorted(entry_points(group=GROUP, name=name), key=lambda point: point.value)
+    points = entry_points(group=GROUP, name=name)
     if not points:
         raise UnknownNameError("command", name, [*COMMANDS, *_added()])
+    first, *others = sorted({point.value for point in points})
+    if others:
+        raise InvalidArgumentError(
+            f"command {name!r} is offered by several: {', '.join((first, *others))}"
+        )
     try:
-        command = points[0].load()
+        command = points[name].load()
     except (Exception, SystemExit) as error:  # any error of another package
         raise InvalidArgumentError(
-            f"command {name!r}, {points[0].value}, cannot be imported: {error}"
+            f"command {name!r}, {first}, cannot be imported: {error}"
         ) from error
     if not isinstance(command, click.Command):
-        raise InvalidArgumentError(
-            f"command {name!r}, {points[0].value}, must be a command of click"
-        )
+        raise InvalidArgumentError(f"command {name!r}, {first}, must be a command of click")
     return command
 
 

@@ -46,7 +46,7 @@ def register() -> None:
     for point in entry_points(group=GROUP):
         try:
             point.load()()
-        except Exception as error:  # a package of another author may raise anything
+        except (Exception, SystemExit) as error:  # a package of another author may raise anything
             warnings.warn(
                 f"environments {point.name!r}, {point.value}, cannot be registered: {error}",
                 stacklevel=2,

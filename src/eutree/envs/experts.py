@@ -5,6 +5,7 @@ A policy has SB3's ``predict``; ``eutree.record`` takes the expert itself:
 """
 
 import itertools
+import warnings
 from collections.abc import Callable, Mapping
 from importlib.metadata import entry_points
 from typing import Any
@@ -30,7 +31,7 @@ from eutree.envs._scripted import (
     wait_at_crossing,
     wait_for_the_end,
 )
-from eutree.errors import InvalidArgumentError, UnknownNameError
+from eutree.errors import UnknownNameError
 from eutree.validation import check_integer, check_number, check_seed
 
 __all__ = [
@@ -77,24 +78,24 @@ def experts_for(environment: str) -> Mapping[str, Expert]:
 
 def known_experts(environment: str) -> Mapping[str, Expert]:
     """Return ``experts_for`` an environment; nothing if it has none."""
-    name = environment.rpartition(":")[2]
-    return EXPERTS[name] if name in EXPERTS else all_experts().get(name, {})
+    return all_experts().get(environment.rpartition(":")[2], {})
 
 
 def all_experts() -> Mapping[str, Mapping[str, Expert]]:
     """Return the scripted experts of every environment, with those of other distributions.
 
-    Raises:
-        InvalidArgumentError: Those of one cannot be imported.
+    Those of an environment that has some come behind them. A distribution whose experts cannot be
+    imported is warned of.
     """
     every = dict(EXPERTS)
     for point in entry_points(group=GROUP):
         try:
-            every = {**point.load(), **every}
-        except Exception as error:  # a package of another author may raise anything
-            raise InvalidArgumentError(
-                f"experts {point.name!r}, {point.value}, cannot be imported: {error}"
-            ) from error
+            for name, named in point.load().items():
+                every[name] = {**every.get(name, {}), **named, **every.get(name, {})}
+        except (Exception, SystemExit) as error:  # a package of another author may raise anything
+            warnings.warn(
+                f"experts {point.name!r}, {point.value}, cannot be imported: {error}", stacklevel=2
+            )
     return every
 
 

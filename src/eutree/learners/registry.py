@@ -261,7 +261,7 @@ def _installed(name: str) -> type[Method]:
     try:
         return METHODS[name]
     except KeyError:
-        raise UnknownNameError("method", name, [*METHODS, *PRESETS], hint=_HINT) from None
+        raise UnknownNameError("method", name, {*METHODS, *PRESETS}, hint=_HINT) from None
 
 
 def _entry_points_of(name: str) -> list[EntryPoint]:
