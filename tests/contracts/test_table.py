@@ -58,6 +58,21 @@ def test_a_task_is_worse_where_it_earns_less_or_its_trees_are_larger() -> None:
     assert not releases.is_worse(rows([2.0, 3.0, 4.0], 6), then, "T")
 
 
+def test_the_command_fails_where_a_default_has_grown_worse(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The stored rows are learned again: as they were, with lower returns, with larger trees."""
+    stored = releases.latest(releases.stored())
+    monkeypatch.setattr("sys.argv", ["releases"])
+    for planted in ({}, {"return": "90.0"}, {"has_leaves": "9"}):
+        now = [row | (planted if row["task"] == "CartPole-v1" else {}) for row in stored]
+        monkeypatch.setattr(releases, "run", lambda *_, now=now: now)
+        with pytest.raises(SystemExit) as ended:
+            releases.main()
+        assert ended.value.code == bool(planted)
+        assert ("**worse**" in capsys.readouterr().out) == bool(planted)
+
+
 def test_the_settings_of_a_task_of_the_examples_are_those_of_the_example() -> None:
     from examples.two_tanks import FloatSwitch, method_for
 

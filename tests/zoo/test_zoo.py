@@ -1,5 +1,6 @@
 """The trees that come with the package: what their cards say is what they are."""
 
+import json
 import tomllib
 from importlib import import_module
 from pathlib import Path
@@ -131,6 +132,19 @@ def test_the_command_lists_them(capsys: pytest.CaptureFixture[str]) -> None:
     assert "needs gymnasium[box2d]: pip install 'eutree[envs]'" in capsys.readouterr().out
     assert run(["zoo", "MountainCar-v1"]) == 2
     assert "MountainCar-v0" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("name", "sizes"),
+    [("MountainCar-v0", [4, 8]), ("MountainCar-v0:4", [4]), ("CartPole-v1:9", [4])],
+)
+@pytest.mark.parametrize("prefix", ["", "zoo:"])
+def test_the_command_lists_a_task_or_the_one_tree_that_is_named(
+    name: str, sizes: list[int], prefix: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["zoo", prefix + name, "--json"]) == 0
+    trees = json.loads(capsys.readouterr().out)["trees"]
+    assert [one["most_leaves"] for one in trees] == sizes
 
 
 def test_a_name_of_the_zoo_stands_where_a_file_does(

@@ -38,6 +38,7 @@ def test_the_card_on_the_page_is_that_of_the_tree(card: zoo.Card) -> None:
     assert f"| `play(x)` | [{len(program.encode())} bytes]({file}) |" in found[1]
     assert (DOCS / file).read_text() == program
     assert card.extra in found[1]
+    assert ("| proven (proof): " in found[1]) == (card.proven is not None)
     picture = DOCS / f"images/zoo-{stem}.gif"
     assert card.module or picture.name in found[1]  # those of the examples draw nothing
     assert card.module or picture.stat().st_size < 100_000

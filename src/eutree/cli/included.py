@@ -113,14 +113,16 @@ def _story(result: "DemoResult") -> "Group":
 @click.command(cls=ResultCommand, epilog="Example: eutree zoo MountainCar-v0")
 @click.argument("task", required=False)
 def zoo(task: str | None) -> Result:
-    """List the learned trees that come with the package, or those of TASK.
+    """List the learned trees that come with the package, or those of TASK, or the one of TASK:N.
 
     Each NAME can stand, as zoo:NAME, wherever a command takes a policy file; zoo:TASK is the
     smallest tree as good as the best.
     """
-    from eutree.zoo import card, cards
+    from eutree.zoo import PREFIX, card, cards
 
-    shown = cards() if task is None else [one for one in cards() if one.task == card(task).task]
+    name = (task or "").removeprefix(PREFIX)
+    named = card(name) if task is not None else None
+    shown = [one for one in cards() if named is None or one == named or one.task == name]
     return Result(
         {"trees": [{"name": one.name} | asdict(one) for one in shown]},
         "\n".join([HEAD, *(line for one in shown for line in _lines(one, full=task is not None))]),
