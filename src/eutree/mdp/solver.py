@@ -184,8 +184,7 @@ class PlanningProblem:
     pairs: _kernels.Pairs
     ends: Booleans  # [S A] pairs after which the process may stop
     untouched: Booleans  # [S] states in which nothing was tried
-    policy: Int32s  # [S]
-    action_values: Floats  # [S A]
+    greedy: _kernels.Greedy
     system: _kernels.System = field(repr=False)
 
     @classmethod
@@ -201,17 +200,19 @@ class PlanningProblem:
         untouched = ~tried.any(axis=1) & (untried is None)
         worth[untouched, 0] = values[untouched]
         usable[untouched, 0] = True
+        sparse = model.indptr, model.successor, model.probability
         size = model.successor.size
         return cls(
             model,
-            _kernels.Pairs(
-                model.indptr, model.successor, model.probability, worth.ravel(), usable.ravel()
-            ),
+            _kernels.Pairs(*sparse, worth.ravel(), usable.ravel()),
             ends.ravel(),
             np.asarray(untouched),
-            policy=np.full(n_states, NO_ACTION, np.int32),
-            action_values=np.full(n_states * n_actions, np.nan),
-            system=_kernels.System(
+            _kernels.Greedy(
+                policy=np.full(n_states, NO_ACTION, np.int32),
+                action_values=np.full(n_states * n_actions, np.nan),
+                backed_up=np.empty(n_states),
+            ),
+            _kernels.System(
                 starts=np.zeros(n_states + 1, np.int64),
                 middles=np.zeros(n_states, np.int64),
                 column=np.empty(size, np.int32),
@@ -222,9 +223,9 @@ class PlanningProblem:
         )
 
     @property
-    def episodic(self) -> bool:
-        """Whether the process can stop anywhere."""
-        return bool((self.ends & self.pairs.usable).any())
+    def chosen(self) -> Integers:
+        """The pair of each state that the policy chooses, [S]."""
+        return np.arange(self.model.n_states) * self.model.n_actions + self.greedy.policy
 
     def keep(self, policy: ArrayLike | None) -> None:
         """Begin with these actions, where they may be chosen."""
@@ -237,84 +238,65 @@ class PlanningProblem:
                 f"initial_policy must have {n_states} actions in -1..{n_actions - 1}, got "
                 f"shape {actions.shape}"
             )
-        chosen = np.clip(actions, 0, None).astype(np.int64)
-        fine = self.pairs.usable.reshape(n_states, n_actions)[np.arange(n_states), chosen]
-        self.policy[:] = np.where(fine & (actions >= 0), actions, NO_ACTION)
+        self.greedy.policy[:] = np.clip(actions, 0, None)
+        fine = self.pairs.usable[self.chosen] & (actions >= 0)
+        self.greedy.policy[~fine] = NO_ACTION
 
-    def improve(self, values: Floats, discounts: Floats, backed_up: Floats) -> int:
+    def improve(self, values: Floats, discounts: Floats) -> int:
         """Back up all states; make the policy greedy and return how many actions changed."""
-        out = _kernels.Greedy(self.policy, self.action_values, backed_up)
-        return _kernels.improve(self.pairs, discounts, _TIE, values, out)
+        return _kernels.improve(self.pairs, discounts, _TIE, values, self.greedy)
 
-    def iterate_discounted(
-        self, values: Floats, backed_up: Floats, discount: float, tolerance: float
-    ) -> tuple[int, float, float]:
-        """Improve the policy until the values are certain; return rounds, bound and shift."""
-        out = _kernels.Greedy(self.policy, self.action_values, backed_up)
-        return _kernels.iterate_discounted(
-            self.pairs, self.system, discount, _TIE, self.episodic, tolerance, values, out
-        )
+    def evaluate(
+        self, values: Floats, discounts: Floats, rewards: Floats, residual: float
+    ) -> float:
+        """Set the values to those of the policy with these rewards [S], up to a residual.
 
-    def evaluate(self, values: Floats, discounts: Floats, residual: float) -> float:
-        """Set the values to those of the policy, up to a residual; return the one reached."""
-        self._fill(discounts)
-        pairs = np.arange(len(values)) * self.model.n_actions + self.policy
-        return self._solve_system(self.pairs.worth[pairs], values, residual)
+        Returns:
+            The residual that is left.
+        """
+        _kernels.fill_system(self.pairs, discounts, self.greedy.policy, self.system)
+        right = rewards / self.system.diagonal
+        return _kernels.evaluate(self.system, right, values, residual, _kernels.KRYLOV_LIMIT)
 
     def steps(self, discounts: Floats) -> float:
         """Return the largest expected (discounted) number of steps; infinite where it is lost."""
-        self._fill(discounts)
         steps = np.ones(len(discounts))
-        left = self._solve_system(np.ones(len(discounts)), steps, 1e-3)
+        left = self.evaluate(steps, discounts, np.ones(len(discounts)), 1e-3)
         return float(steps.max()) if left <= 0.1 and steps.min() > 0.5 else np.inf
 
     def n_endless(self) -> int:
         """Return from how many states the policy never reaches an end."""
-        n_states, n_actions = self.model.visits.shape
-        chosen = np.zeros(n_states * n_actions, dtype=bool)
-        chosen[np.arange(n_states) * n_actions + self.policy] = True
+        chosen = np.zeros(self.ends.size, dtype=bool)
+        chosen[self.chosen] = True
         return int((self.ways_out(chosen) == NO_ACTION).sum())
 
     def ways_out(self, usable: Booleans) -> Int32s:
         """Return an action of each state that leads towards an end; NO_ACTION where none does."""
         out = np.empty(self.model.n_states, np.int32)
-        model = self.model
-        _kernels.find_ways_out(model.indptr, model.successor, self.ends, usable, out)
+        _kernels.find_ways_out(*self.pairs[:2], self.ends, usable, out)
         return out
 
+    def solve_discounted(self, values: Floats, discount: float, tolerance: float) -> Solution:
+        """Return the solution from these values, with every step discounted."""
+        can_stop = bool((self.ends & self.pairs.usable).any())
+        rounds, bound, shift = _kernels.iterate_discounted(
+            self.pairs, self.system, discount, _TIE, can_stop, tolerance, values.copy(), self.greedy
+        )
+        return self.solution(rounds, bound, tolerance, shift=shift, discount=discount)
+
     def solution(
-        self, values: Floats, shift: float, *, rounds: int, bound: float, tolerance: float,
-        discount: float, trapped: Integers,
+        self, rounds: int, bound: float, tolerance: float, *, shift: float = 0.0,
+        discount: float = 1.0, trapped: tuple[int, ...] | Integers = (),
     ) -> Solution:  # fmt: skip
         """Return the answer; ``shift`` is added to every Q but the fixed ones."""
-        shape = self.model.visits.shape
-        shown = self.action_values.reshape(shape).copy()
+        shown = self.greedy.action_values.reshape(self.model.visits.shape).copy()
         shown[self.model.visits > 0] += shift
         shown[self.untouched] = np.nan
-        final = values.copy()
-        touched = ~self.untouched
+        final, touched = self.greedy.backed_up.copy(), ~self.untouched
         final[touched] = np.fmax.reduce(shown[touched], axis=1)
-        policy = np.where(self.untouched, NO_ACTION, self.policy).astype(np.int64)
-        return Solution(final, shown, policy, rounds, bound, bound <= tolerance, discount, trapped)
-
-    def _fill(self, discounts: Floats) -> None:
-        _kernels.fill_system(self.pairs, discounts, self.policy, self.system)
-
-    def _solve_system(self, right: Floats, values: Floats, residual: float) -> float:
-        scaled = right / self.system.diagonal
-        return _kernels.evaluate(self.system, scaled, values, residual, _kernels.KRYLOV_LIMIT)
-
-
-def solve_discounted(
-    problem: PlanningProblem, values: Floats, discount: float, tolerance: float
-) -> Solution:
-    """Solve where every step is discounted."""
-    backed_up = np.empty_like(values)
-    rounds, bound, shift = problem.iterate_discounted(values.copy(), backed_up, discount, tolerance)
-    return problem.solution(
-        backed_up, shift, rounds=rounds, bound=bound, tolerance=tolerance, discount=discount,
-        trapped=np.empty(0, np.int64),
-    )  # fmt: skip
+        policy = np.where(touched, self.greedy.policy, NO_ACTION).astype(np.int64)
+        lost = np.array(trapped, np.int64)
+        return Solution(final, shown, policy, rounds, bound, bound <= tolerance, discount, lost)
 
 
 _RESIDUAL = 1e-11  # of an evaluation, as a share of the largest value
@@ -329,57 +311,46 @@ def solve_undiscounted(
     """Solve with discount 1, or with 1 - 1 / horizon if endless behaviour pays."""
     ways_out = problem.ways_out(problem.pairs.usable)
     trapped = ways_out == NO_ACTION
-    discounts = np.where(trapped, 1.0 - 1.0 / horizon, 1.0)
-    longest = _PATIENCE * horizon
-    for start, policy in _starts(problem, values, discounts, ways_out, tolerance, horizon):
-        problem.policy[:] = policy
+    floor = 1.0 - 1.0 / horizon
+    discounts, longest = np.where(trapped, floor, 1.0), _PATIENCE * horizon
+
+    def starts() -> Iterator[tuple[Floats, Int32s]]:
+        """Yield values and policies to start from: the greedy, a discounted one, the ways out."""
+        policy = problem.greedy.policy
+        problem.improve(values, discounts)
+        yield values, policy
+        near = problem.solve_discounted(values, floor, tolerance).values
+        yield near, policy
+        yield near, np.where(trapped, policy, ways_out)
+
+    for start, policy in starts():  # the first that ends soon enough is taken
+        problem.greedy.policy[:] = policy
         if problem.n_endless() == trapped.sum() and problem.steps(discounts) <= longest:
             solution = _iterate(problem, start.copy(), discounts, longest, tolerance)
             if solution is not None:
                 return solution
             break
-    return solve_discounted(problem, values, 1.0 - 1.0 / horizon, tolerance)
-
-
-def _starts(
-    problem: PlanningProblem,
-    values: Floats,
-    discounts: Floats,
-    ways_out: Int32s,
-    tolerance: float,
-    horizon: float,
-) -> Iterator[tuple[Floats, Int32s]]:
-    """Yield values and policies to start from, of which the first that ends soon enough is taken.
-
-    They are the greedy policy of the initial values, that of a discounted solution, and the
-    actions that lead towards an end.
-    """
-    problem.improve(values, discounts, np.empty_like(values))
-    yield values, problem.policy
-    near = solve_discounted(problem, values, 1.0 - 1.0 / horizon, tolerance)
-    yield near.values, problem.policy
-    yield near.values, np.where(ways_out == NO_ACTION, problem.policy, ways_out)
+    return problem.solve_discounted(values, floor, tolerance)
 
 
 def _iterate(
     problem: PlanningProblem, values: Floats, discounts: Floats, longest: float, tolerance: float
 ) -> Solution | None:
     """Improve a policy that ends; None if endless behaviour, or values out of reach, pay."""
-    trapped = discounts < 1.0
-    ceiling = longest * float(np.abs(problem.pairs.worth).max())
-    backed_up = np.empty_like(values)
+    trapped, worth, (policy, _, backed_up) = discounts < 1.0, problem.pairs.worth, problem.greedy
+    ceiling = longest * float(np.abs(worth).max())
     close, narrowest, stalled = False, np.inf, 0
     residual = _RESIDUAL * (1.0 + float(np.abs(values).max()))
     for rounds in range(1, _ROUNDS + 1):
-        reached = problem.evaluate(values, discounts, residual)
-        before = problem.policy.copy()
-        changes = problem.improve(values, discounts, backed_up)
+        reached = problem.evaluate(values, discounts, worth[problem.chosen], residual)
+        before = policy.copy()
+        changes = problem.improve(values, discounts)
         size = float(np.abs(backed_up).max())
         if problem.n_endless() > trapped.sum() or not size <= ceiling:
             if close:
                 return None
             # Inexact values can make endless behaviour look better than it is: look closely.
-            problem.policy[:] = before
+            policy[:] = before
             residual, close = _CLOSEST * (1.0 + size), True
             continue
         change, close, bound = float(np.abs(backed_up - values).max()), False, np.inf
@@ -395,10 +366,7 @@ def _iterate(
         if bound <= tolerance or stalled == 3 or rounds == _ROUNDS:
             break
         values = backed_up.copy()
-    return problem.solution(
-        backed_up, 0.0, rounds=rounds, bound=bound, tolerance=tolerance, discount=1.0,
-        trapped=np.flatnonzero(trapped),
-    )  # fmt: skip
+    return problem.solution(rounds, bound, tolerance, trapped=np.flatnonzero(trapped))
 
 
 def solve(
@@ -430,5 +398,5 @@ def solve(
     problem = PlanningProblem.of(model, values, untried)
     problem.keep(initial_policy)
     if discount < 1.0:
-        return solve_discounted(problem, values, discount, tolerance)
+        return problem.solve_discounted(values, discount, tolerance)
     return solve_undiscounted(problem, values, tolerance=tolerance, horizon=horizon)
