@@ -74,26 +74,27 @@ def ensemble_loss(out, target, reward, kind, binary, weight):
 
 def ensemble_step(world, draws, at, member, action, state):
     """Return next state, reward and whether the step was the last, by the obvious formulas."""
-    d = len(world.move)
+    members, scales = world.members, world.scales
+    d = len(scales.move)
     x = np.concatenate(
         [
-            (state[: len(world.centre)] - world.centre) / world.spread,
-            np.eye(world.w1.shape[1] - len(world.centre))[action],
+            (state[: len(scales.centre)] - scales.centre) / scales.spread,
+            np.eye(members.w1.shape[1] - len(scales.centre))[action],
         ]
     )
-    hidden = np.maximum(x @ world.w1[member] + world.b1[member], 0)
-    hidden = np.maximum(hidden @ world.w2[member] + world.b2[member], 0)
-    out = hidden @ world.w3[member] + world.b3[member]
+    hidden = np.maximum(x @ members.w1[member] + members.b1[member], 0)
+    hidden = np.maximum(hidden @ members.w2[member] + members.b2[member], 0)
+    out = hidden @ members.w3[member] + members.b3[member]
     after = np.empty(2 * d)
     for i in range(d):
         place = (at + i) % draws.uniform.size
-        if world.binary[i]:
+        if scales.binary[i]:
             above = draws.uniform[place] < logistic(out[i])
-            after[i] = world.high[i] if above else world.low[i]
+            after[i] = scales.high[i] if above else scales.low[i]
         else:
             noise = draws.normal[place] * np.exp(0.5 * np.clip(out[d + i], -8, 3))
-            move = np.clip(world.move[i] * (out[i] + noise), *world.moves[i])
-            after[i] = np.clip(state[i] + move, world.low[i], world.high[i])
+            move = np.clip(scales.move[i] * (out[i] + noise), *scales.moves[i])
+            after[i] = np.clip(state[i] + move, scales.low[i], scales.high[i])
         after[d + i] = after[i] - state[i]
     draw = draws.uniform[(at + d) % draws.uniform.size]
     kind = 0
@@ -101,7 +102,7 @@ def ensemble_step(world, draws, at, member, action, state):
         kind = 1
     elif 1 - draw <= logistic(out[2 * d + 4]):
         kind = 2
-    mean, unit, low, high = world.earned[kind]
+    mean, unit, low, high = scales.earned[kind]
     return after, float(np.clip(mean + unit * out[2 * d + kind], low, high)), kind > 0
 
 

@@ -48,23 +48,24 @@ class Fitting(NamedTuple):
     square: Float32s  # [P] Adam's
 
 
-class EnsembleWorld(NamedTuple):
-    """The members' weights, and the scales of their inputs and outputs."""
+class Scales(NamedTuple):
+    """The units of the networks' inputs and outputs."""
 
-    w1: Float32s  # [M, p, h]
-    b1: Float32s  # [M, h]
-    w2: Float32s  # [M, h, h]
-    b2: Float32s  # [M, h]
-    w3: Float32s  # [M, h, q]
-    b3: Float32s  # [M, q]
-    centre: Floats  # [p - A] of the inputs that are no actions
-    spread: Floats  # [p - A]
+    centre: Floats  # [p - A] mean of each input that is no action
+    spread: Floats  # [p - A] its standard deviation and a twentieth of its range
     move: Floats  # [d] displacement that counts 1
-    moves: Floats  # [d, 2] least and largest displacement
-    binary: Booleans  # [d]
-    low: Floats  # [d] least value seen
-    high: Floats  # [d] largest value seen
-    earned: Floats  # [3, 4] mean, unit, least, largest reward of each kind of step
+    moves: Floats  # [d, 2] least and largest displacement, a few in ten thousand left out
+    binary: Booleans  # [d] which features have two values only
+    low: Floats  # [d] least value of each feature
+    high: Floats  # [d] largest value of each feature
+    earned: Floats  # [3, 4] mean, unit, least and largest reward of each kind of step
+
+
+class EnsembleWorld(NamedTuple):
+    """The members of an ensemble, to be run."""
+
+    members: Network  # each array of all members [M, ...]
+    scales: Scales
     tally: Integers  # [1] steps taken in it so far
 
 
@@ -197,7 +198,7 @@ class Scratch(NamedTuple):
 @compiled
 def scratch_of(world: EnsembleWorld) -> Scratch:
     """Return room for the members of a world model."""
-    p, h, q = world.w1.shape[1], world.w1.shape[2], world.w3.shape[2]
+    (_, p, h), q = world.members.w1.shape, world.members.w3.shape[2]
     return Scratch(
         np.zeros(p, np.float32),
         np.zeros(h, np.float32),
@@ -210,22 +211,23 @@ def scratch_of(world: EnsembleWorld) -> Scratch:
 @compiled
 def look(world: EnsembleWorld, member: int, action: int, state: Floats, at: Scratch) -> None:
     """Write a member's output for a state [2 d] (observation, displacement) and an action."""
-    n_seen = world.centre.size
+    members, scales = world.members, world.scales
+    n_seen = scales.centre.size
     for k in range(n_seen):
-        at.x[k] = (state[k] - world.centre[k]) / world.spread[k]
+        at.x[k] = (state[k] - scales.centre[k]) / scales.spread[k]
         at.active[k] = k
     # Actions are one-hot: of their rows in w1 only one is added.
     at.x[n_seen + action] = 1
     at.active[n_seen] = n_seen + action
-    at.hidden1[:] = world.b1[member]
-    add_rows(world.w1[member], at.x, n_seen + 1, at.active, at.hidden1)
+    at.hidden1[:] = members.b1[member]
+    add_rows(members.w1[member], at.x, n_seen + 1, at.active, at.hidden1)
     at.x[n_seen + action] = 0  # so that only one action is ever set
     n = rectify(at.hidden1, at.active)
-    at.hidden2[:] = world.b2[member]
-    add_rows(world.w2[member], at.hidden1, n, at.active, at.hidden2)
+    at.hidden2[:] = members.b2[member]
+    add_rows(members.w2[member], at.hidden1, n, at.active, at.hidden2)
     n = rectify(at.hidden2, at.active)
-    at.out[:] = world.b3[member]
-    add_rows(world.w3[member], at.hidden2, n, at.active, at.out)
+    at.out[:] = members.b3[member]
+    add_rows(members.w3[member], at.hidden2, n, at.active, at.out)
 
 
 @compiled
@@ -245,20 +247,21 @@ def step(
     """
     world.tally[0] += 1
     look(world, member, action, state, scratch)
-    out, d, mask = scratch.out, world.move.size, draws.uniform.size - 1
+    out, scales, mask = scratch.out, world.scales, draws.uniform.size - 1
+    d = scales.move.size
     for i in range(d):
         before = state[i]
         # Its log-odds give the chance of the upper value; nothing lies between the two.
-        if world.binary[i]:
+        if scales.binary[i]:
             above = draws.uniform[(at + i) & mask] < logistic(out[i])
-            state[i] = world.high[i] if above else world.low[i]
+            state[i] = scales.high[i] if above else scales.low[i]
         else:
             # The range within which ``write_error`` pulls at it; exp(spread / 2) is the deviation.
             spread = min(max(out[d + i], LEAST_LOG_VARIANCE), MOST_LOG_VARIANCE)
             noise = draws.normal[(at + i) & mask] * math.exp(0.5 * spread)
-            move = world.move[i] * (out[i] + noise)
-            move = min(max(move, world.moves[i, 0]), world.moves[i, 1])
-            state[i] = min(max(before + move, world.low[i]), world.high[i])
+            move = scales.move[i] * (out[i] + noise)
+            move = min(max(move, scales.moves[i, 0]), scales.moves[i, 1])
+            state[i] = min(max(before + move, scales.low[i]), scales.high[i])
         # The displacement after clipping: the one that the next state shows, not the one drawn.
         state[d + i] = state[i] - before
     # One draw for both ends, from either side, as in the model of trees.
@@ -269,8 +272,8 @@ def step(
     elif 1.0 - draw <= logistic(out[2 * d + 2 + GOOD]):
         kind = GOOD
     # Back to the unit of rewards: mean and unit are those of the kind of step.
-    reward = world.earned[kind, 0] + world.earned[kind, 1] * out[2 * d + kind]
-    return min(max(reward, world.earned[kind, 2]), world.earned[kind, 3]), kind != GOES_ON
+    reward = scales.earned[kind, 0] + scales.earned[kind, 1] * out[2 * d + kind]
+    return min(max(reward, scales.earned[kind, 2]), scales.earned[kind, 3]), kind != GOES_ON
 
 
 @compiled
@@ -287,8 +290,7 @@ def record(
     Episode e runs in member e modulo the number of members.
     """
     world, draws, horizon = conditions
-    d = world.move.size
-    n_members = world.w1.shape[0]
+    d, n_members = world.scales.move.size, len(world.members.w1)
     state, scratch = np.zeros(2 * d), scratch_of(world)
     k = 0
     # The first k steps are written: those of the episodes before e, whose returns are final.
@@ -323,6 +325,34 @@ def record(
 
 
 @compiled
+def go_on(
+    conditions: EnsembleConditions,
+    episodes: Episodes,
+    k: int,
+    policy: ActionTree,
+    action: int,
+    scratch: Scratch,
+) -> float:
+    """Run a policy from recorded step k to the end; return what it and those before it earned.
+
+    The first action is ``action`` unless that is negative; then the policy decides.
+    """
+    world, draws, horizon = conditions
+    d, e = world.scales.move.size, episodes.owner[k]
+    state, total = episodes.states[k].copy(), episodes.earned[k]
+    for t in range(k - episodes.first[e], horizon):
+        if action < 0:
+            action = policy.action[leaf_node(policy, 0, state)]
+        at = e * EPISODE_STRIDE + t * (d + 1)
+        reward, ends = step(world, draws, at, e % len(world.members.w1), action, state, scratch)
+        total += reward
+        if ends:
+            break
+        action = -1
+    return total
+
+
+@compiled
 def challenger_returns(
     conditions: EnsembleConditions,
     episodes: Episodes,
@@ -333,25 +363,11 @@ def challenger_returns(
     out: Floats,  # [E]
 ) -> None:
     """Write a challenger's returns, of the same chance, in episodes ``first`` to ``last`` - 1."""
-    world, draws, horizon = conditions
-    d = world.move.size
-    n_members = world.w1.shape[0]
-    state, scratch = np.zeros(2 * d), scratch_of(world)
+    scratch = scratch_of(conditions.world)
     for e in range(first, last):
         out[e] = episodes.returns[e]
-        if departs[e] < 0:
-            continue
-        state[:] = episodes.states[departs[e]]
-        total = episodes.earned[departs[e]]
-        # Up to the step at which it departs, the challenger has earned as much as the policy.
-        for t in range(departs[e] - episodes.first[e], horizon):
-            action = challenger.action[leaf_node(challenger, 0, state)]
-            at = e * EPISODE_STRIDE + t * (d + 1)
-            reward, ends = step(world, draws, at, e % n_members, action, state, scratch)
-            total += reward
-            if ends:
-                break
-        out[e] = total
+        if departs[e] >= 0:  # up to that step it has earned as much as the policy
+            out[e] = go_on(conditions, episodes, departs[e], challenger, -1, scratch)
 
 
 @compiled
@@ -360,29 +376,13 @@ def deviations(
     episodes: Episodes,
     policy: ActionTree,
     steps: Integers,  # [n]
-    out: Floats,  # [n, A]
+    out: Floats,  # [n, A] zeros
 ) -> None:
     """Write the gain of one other action at a step, followed by the policy, over the policy."""
-    world, draws, horizon = conditions
-    d = world.move.size
-    n_members = world.w1.shape[0]
-    state, scratch = np.zeros(2 * d), scratch_of(world)
+    scratch = scratch_of(conditions.world)
     for i in range(steps.size):
         k = steps[i]
-        e = episodes.owner[k]
-        taken = policy.action[episodes.node[k]]
         for other in range(out.shape[1]):
-            out[i, other] = 0.0
-            if other == taken:
-                continue
-            state[:] = episodes.states[k]
-            total, action = episodes.earned[k], other
-            # Only the first action is another; then the policy decides again.
-            for t in range(k - episodes.first[e], horizon):
-                at = e * EPISODE_STRIDE + t * (d + 1)
-                reward, ends = step(world, draws, at, e % n_members, action, state, scratch)
-                total += reward
-                if ends:
-                    break
-                action = policy.action[leaf_node(policy, 0, state)]
-            out[i, other] = total - episodes.returns[e]
+            if other != policy.action[episodes.node[k]]:
+                earned = go_on(conditions, episodes, k, policy, other, scratch)
+                out[i, other] = earned - episodes.returns[episodes.owner[k]]

@@ -8,26 +8,31 @@ such. The reward of a step, and whether it ends the task, badly or well, are hea
 All scales are fixed when the members are new; fitting on costs a fraction of fitting from scratch.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from eutree.arrays import Booleans, Float32s, Floats, Integers
-from eutree.errors import InvalidArgumentError
+from eutree.arrays import Float32s, Floats, Integers
 from eutree.features import threshold_between
-from eutree.neural.double_dqn import copied, network_of, random_network
+from eutree.neural import Network, Scaling
+from eutree.neural.double_dqn import CHUNK, SLOWEST, copied, network_of, random_network
 from eutree.validation import check_integer, check_number
 from eutree.world_model import _kernels_ensemble as kernels
-from eutree.world_model._kernels_ensemble import BAD, GOES_ON, GOOD, EnsembleWorld, Fitting, Steps
+from eutree.world_model._kernels_ensemble import (
+    BAD,
+    GOES_ON,
+    GOOD,
+    EnsembleWorld,
+    Fitting,
+    Scales,
+    Steps,
+)
 from eutree.world_model.transitions import Transitions
 
 N_KINDS = 3
-_SCALES = ("centre", "spread", "move", "moves", "binary", "low", "high", "earned")
-CHUNK = 256  # updates between two chances to interrupt
-SLOWEST = 0.1  # share of the rate that is left at the end
 EXTRA_ENDS = 32  # rows of a batch that are last steps
 TAIL = 0.02  # percent of rewards and displacements cut off from predictions, on either side
 
@@ -65,62 +70,48 @@ class EnsembleSettings:
             check_number(name, getattr(self, name), low=0.0, low_open=True)
 
 
-@dataclass(frozen=True, eq=False)
-class Scales:
-    """The units of the networks' inputs and outputs."""
+def scales_of(data: Transitions) -> Scales:
+    """Return the scales of some transitions."""
+    scaling, size = Scaling.of(_inputs(data)), np.abs(data.displacements)
+    seen = np.concatenate([data.observations, data.next_observations])
+    moves = np.percentile(data.displacements, [TAIL, 100.0 - TAIL], axis=0)
+    return Scales(
+        centre=np.array(scaling.mean),
+        spread=np.array(scaling.spread),
+        move=0.3 * data.displacements.std(axis=0) + 0.3 * np.percentile(size, 90, axis=0),
+        # in C order, as after a restore: kernels are compiled for each order
+        moves=np.ascontiguousarray(moves.T),
+        binary=np.array([np.unique(column).size == 2 for column in seen.T]),
+        low=seen.min(axis=0),
+        high=seen.max(axis=0),
+        earned=np.array([_rewards(data.rewards[kinds(data) == kind]) for kind in range(N_KINDS)]),
+    )
 
-    centre: Floats  # [p - A]; mean of each input that is no action
-    spread: Floats  # [p - A]; its standard deviation and a twentieth of its range
-    move: Floats  # [d]; displacement that counts 1
-    moves: Floats  # [d, 2]; least and largest displacement, a few in ten thousand left out
-    binary: Booleans  # [d]; which features have two values only
-    low: Floats  # [d]; least value of each feature
-    high: Floats  # [d]; largest value of each feature
-    earned: Floats  # [3, 4]; mean, unit, least and largest reward of each kind of step
 
-    @classmethod
-    def of(cls, data: Transitions) -> "Scales":
-        """Return those of some transitions."""
-        inputs, size = _inputs(data), np.abs(data.displacements)
-        spread = inputs.std(axis=0) + 0.05 * np.ptp(inputs, axis=0)
-        seen = np.concatenate([data.observations, data.next_observations])
-        move = 0.3 * data.displacements.std(axis=0) + 0.3 * np.percentile(size, 90, axis=0)
-        return cls(
-            inputs.mean(axis=0),
-            np.where(spread > 0.0, spread, 1.0),
-            move,
-            # in C order, as after a restore: kernels are compiled for each order
-            np.ascontiguousarray(np.percentile(data.displacements, [TAIL, 100.0 - TAIL], axis=0).T),
-            np.array([np.unique(column).size == 2 for column in seen.T]),
-            seen.min(axis=0),
-            seen.max(axis=0),
-            np.array([_rewards(data.rewards[kinds(data) == kind]) for kind in range(N_KINDS)]),
-        )
+def steps_of(data: Transitions, scales: Scales) -> Steps:
+    """Return the rows to fit members to, from the first members' or later transitions.
 
-    def steps(self, data: Transitions) -> Steps:
-        """Return the rows to fit members to, from the first members' or later transitions.
-
-        After the N transitions come the observations in which the task ended: there it ends again.
-        A rollout that overlooks an end would else go on where no step was ever seen.
-        """
-        kind, ended = kinds(data), data.terminated
-        kind = np.concatenate([kind, kind[ended]])
-        chosen = np.eye(data.n_actions)[np.concatenate([data.actions, data.actions[ended]])]
-        seen = np.concatenate([_inputs(data), _arrivals(data)[ended]])
-        inputs = np.concatenate([(seen - self.centre) / self.spread, chosen], axis=1)
-        units = np.where(self.move > 0.0, self.move, 1.0)
-        upper = data.next_observations > 0.5 * (self.low + self.high)
-        targets = np.where(self.binary, upper, data.displacements / units)
-        unit = self.earned[kind, 1]
-        rewards = np.concatenate([data.rewards, data.rewards[ended]]) - self.earned[kind, 0]
-        rewards = rewards / np.where(unit > 0.0, unit, 1.0)
-        return Steps(
-            inputs.astype(np.float32),
-            targets.astype(np.float32),
-            rewards.astype(np.float32),
-            kind,
-            self.binary,
-        )
+    After the N transitions come the observations in which the task ended: there it ends again.
+    A rollout that overlooks an end would else go on where no step was ever seen.
+    """
+    kind, ended = kinds(data), data.terminated
+    kind = np.concatenate([kind, kind[ended]])
+    chosen = np.eye(data.n_actions)[np.concatenate([data.actions, data.actions[ended]])]
+    seen = np.concatenate([_inputs(data), _arrivals(data)[ended]])
+    inputs = np.concatenate([(seen - scales.centre) / scales.spread, chosen], axis=1)
+    units = np.where(scales.move > 0.0, scales.move, 1.0)
+    upper = data.next_observations > 0.5 * (scales.low + scales.high)
+    targets = np.where(scales.binary, upper, data.displacements / units)
+    unit = scales.earned[kind, 1]
+    rewards = np.concatenate([data.rewards, data.rewards[ended]]) - scales.earned[kind, 0]
+    rewards = rewards / np.where(unit > 0.0, unit, 1.0)
+    return Steps(
+        inputs.astype(np.float32),
+        targets.astype(np.float32),
+        rewards.astype(np.float32),
+        kind,
+        scales.binary,
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,10 +130,8 @@ class Ensemble:
     def world(self) -> EnsembleWorld:
         """The members as the compiled loops take them, no step taken yet."""
         networks = [network_of(row, *self.size) for row in self.weights]
-        stacked = [np.stack(arrays) for arrays in zip(*networks, strict=True)][:-1]
-        of = self.scales
-        scales = (getattr(of, name) for name in _SCALES)
-        return EnsembleWorld._make([*stacked, *scales, np.zeros(1, dtype=np.int64)])
+        members = Network._make(np.stack(arrays) for arrays in zip(*networks, strict=True))
+        return EnsembleWorld(members, self.scales, np.zeros(1, dtype=np.int64))
 
     @property
     def size(self) -> tuple[int, int, int]:
@@ -152,8 +141,7 @@ class Ensemble:
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Return the ensemble as arrays; ``from_state`` takes them back."""
-        of = self.scales
-        return {name: getattr(of, name) for name in _SCALES} | {
+        return self.scales._asdict() | {
             "weights": self.weights,
             "starts": self.starts,
             "horizon": np.array([self.horizon], dtype=np.int64),
@@ -164,32 +152,17 @@ class Ensemble:
     def from_state(
         cls, state: Mapping[str, NDArray[Any]], settings: EnsembleSettings, n_actions: int
     ) -> "Ensemble":
-        """Return the ensemble whose ``state()`` this was.
-
-        Raises:
-            InvalidArgumentError: The arrays do not fit each other.
-        """
-        scales = Scales(**{name: np.array(state[name]) for name in _SCALES})
+        """Return the ensemble whose ``state()`` this was."""
         low, high = state["returns"].tolist()
-        ensemble = cls(
+        return cls(
             settings,
-            scales,
+            Scales(**{name: np.array(state[name]) for name in Scales._fields}),
             np.array(state["weights"], dtype=np.float32),
             n_actions,
             np.ascontiguousarray(state["starts"]),
             int(state["horizon"][0]),
             (low, high),
         )
-        d = scales.move.size
-        sizes = [getattr(scales, name).shape for name in ("binary", "low", "high")]
-        inputs = scales.spread.shape == scales.centre.shape == ((d * (1 + settings.memory)),)
-        if sizes != [(d,)] * 3 or not inputs or ensemble.starts.shape[1:] != (d,):
-            raise InvalidArgumentError(
-                "state must hold scales and starts of one number of features"
-            )
-        for row in ensemble.weights:
-            network_of(row, *ensemble.size)
-        return ensemble
 
     def fitted_on(self, data: Transitions, generator: np.random.Generator) -> "Ensemble":
         """Return the ensemble after more updates on more transitions.
@@ -199,37 +172,52 @@ class Ensemble:
             generator: Source of the batches.
         """
         settings = self.settings
-        steps = self.scales.steps(replace(data, memory=settings.memory))
-        weights = self.weights.copy()
-        batches = _Batches(steps, settings, recent=min(settings.recent, len(steps.targets)))
-        for row in weights:
-            _fit(row, self.size, steps, batches, generator, fresh=False)
-        return replace(self, weights=weights, starts=_starts(data), returns=_range(data))
+        recent = min(settings.recent, data.rewards.size)
+        batches = settings.more_updates, settings.more_rate, recent
+        return self._fitted(self.weights.copy(), data, generator, *batches)
+
+    def _fitted(
+        self,
+        members: Iterable[Float32s],
+        data: Transitions,
+        generator: np.random.Generator,
+        updates: int,
+        first_rate: float,
+        recent: int,
+    ) -> "Ensemble":
+        """Return the ensemble of these members, fitted in place, one when the last one is done."""
+        steps = steps_of(replace(data, memory=self.settings.memory), self.scales)
+        batches = _Batches(steps, self.settings.batch, recent)
+        weights = []
+        for row in members:
+            weights.append(row)
+            network, none = network_of(row, *self.size), np.zeros_like(row)
+            fitting = Fitting(network, copied(network), none, none.copy())
+            for begin in range(0, updates, CHUNK):
+                n = min(CHUNK, updates - begin)
+                left = 1.0 - (1.0 - SLOWEST) * np.arange(begin, begin + n) / updates
+                rows = batches.draw(n, generator)
+                kernels.fit(fitting, steps, rows, first_rate * left, begin, batches.weight)
+        low, high = np.percentile(data.episode_returns, [1.0, 98.0])
+        return replace(
+            self,
+            weights=np.stack(weights),
+            starts=np.ascontiguousarray(data.observations[data.first]),
+            returns=(float(low), float(high)),
+        )
 
 
 def fit_ensemble(
     data: Transitions, settings: EnsembleSettings, generator: np.random.Generator
 ) -> Ensemble:
     """Fit a new ensemble to transitions, at least one."""
-    data = replace(data, memory=settings.memory)
-    scales = Scales.of(data)
+    scales = scales_of(replace(data, memory=settings.memory))
+    none = np.zeros((0, 0))
     empty = Ensemble(
-        settings,
-        scales,
-        np.zeros((0, 0), np.float32),
-        data.n_actions,
-        _starts(data),
-        data.horizon(),
-        _range(data),
+        settings, scales, none.astype(np.float32), data.n_actions, none, data.horizon(), (0.0, 0.0)
     )
-    steps = scales.steps(data)
-    batches = _Batches(steps, settings, recent=0)
-    weights = []
-    for _ in range(settings.members):
-        row = random_network(*empty.size, generator).weights
-        _fit(row, empty.size, steps, batches, generator, fresh=True)
-        weights.append(row)
-    return replace(empty, weights=np.stack(weights))
+    fresh = (random_network(*empty.size, generator).weights for _ in range(settings.members))
+    return empty._fitted(fresh, data, generator, settings.updates, settings.rate, recent=0)
 
 
 def kinds(data: Transitions) -> Integers:
@@ -261,54 +249,26 @@ def between_ends(rewards: Floats) -> float:
 class _Batches:
     """Rows of batches: some of all transitions, some of the last ones, some last steps."""
 
-    def __init__(self, steps: Steps, settings: EnsembleSettings, *, recent: int) -> None:
-        kind = steps.kind
-        self.settings = settings
-        self._n = len(steps.targets)
-        self._recent = recent
-        self._ends = np.flatnonzero(kind != GOES_ON)
-        n_recent = settings.batch // 2 if recent else 0
-        n_ends = self._ends.size / 2  # each is there twice
-        expected = (settings.batch - n_recent) * n_ends / self._n
+    def __init__(self, steps: Steps, size: int, recent: int) -> None:
+        n, ends = len(steps.targets), np.flatnonzero(steps.kind != GOES_ON)
+        n_recent = size // 2 if recent else 0
+        expected = (size - n_recent) * (ends.size / 2) / n  # each is there twice
         if recent:
-            expected += n_recent * np.count_nonzero(kind[self._n - recent : self._n]) / recent
-        extra = EXTRA_ENDS if self._ends.size else 0
+            expected += n_recent * np.count_nonzero(steps.kind[n - recent : n]) / recent
+        extra = EXTRA_ENDS if ends.size else 0
         # So weighted, last steps count in the log-odds of ends as often as they occur.
         self.weight = expected / (expected + extra / 2) if expected else 1.0
-        self._parts = (settings.batch - n_recent, n_recent, extra)
+        every = np.arange(n)
+        self._parts = (every, size - n_recent), (every[n - recent :], n_recent), (ends, extra)
 
     def draw(self, n: int, generator: np.random.Generator) -> Integers:
         """Return the rows of n batches, shape [n, B]."""
-        of_all, of_recent, of_ends = self._parts
-        rows = [generator.integers(self._n, size=(n, of_all))]
-        if of_recent:
-            rows.append(generator.integers(self._n - self._recent, self._n, size=(n, of_recent)))
-        if of_ends:
-            rows.append(self._ends[generator.integers(self._ends.size, size=(n, of_ends))])
-        return np.concatenate(rows, axis=1)
-
-
-def _fit(
-    weights: Float32s,
-    size: tuple[int, int, int],
-    steps: Steps,
-    batches: _Batches,
-    generator: np.random.Generator,
-    *,
-    fresh: bool,
-) -> None:
-    """Fit one member in place."""
-    network = network_of(weights, *size)
-    none = np.zeros_like(weights)
-    fitting = Fitting(network, copied(network), none, none.copy())
-    settings = batches.settings
-    total = settings.updates if fresh else settings.more_updates
-    rate = settings.rate if fresh else settings.more_rate
-    for begin in range(0, total, CHUNK):
-        n = min(CHUNK, total - begin)
-        rates = rate * (1.0 - (1.0 - SLOWEST) * np.arange(begin, begin + n) / total)
-        rows = batches.draw(n, generator)
-        kernels.fit(fitting, steps, rows, rates, begin, batches.weight)
+        parts = [
+            rows[generator.integers(rows.size, size=(n, many))]
+            for rows, many in self._parts
+            if many
+        ]
+        return np.concatenate(parts, axis=1)
 
 
 def _inputs(data: Transitions) -> Floats:
@@ -333,12 +293,3 @@ def _rewards(rewards: Floats) -> list[float]:
     unit = 0.3 * rewards.std() + 0.3 * float(np.percentile(np.abs(rewards - mean), 90))
     low, high = np.percentile(rewards, [TAIL, 100.0 - TAIL])
     return [mean, float(unit), float(low), float(high)]
-
-
-def _starts(data: Transitions) -> Floats:
-    return np.ascontiguousarray(data.observations[data.first])
-
-
-def _range(data: Transitions) -> tuple[float, float]:
-    low, high = np.percentile(data.episode_returns, [1.0, 98.0])
-    return float(low), float(high)
