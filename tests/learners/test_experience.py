@@ -5,7 +5,7 @@ import pytest
 
 from eutree.data import Episode
 from eutree.learners.distilled_dqn.teaching import ROUNDS, DAgger, Experience, Students
-from eutree.learners.episode_buffer import FinishedEpisode
+from eutree.learners.episode_buffer import FinishedEpisode, store
 from eutree.world_model.action_trees import single_action
 
 
@@ -23,7 +23,7 @@ def experience() -> Experience:
     shown = Episode(rows(0.0, 3), np.ones(3, np.int64), np.ones(3), False, True)
     experience = Experience(1, [shown])
     for first, n in ((10.0, 2), (20.0, 4), (30.0, 1)):
-        experience.add(lived(first, n))
+        store(experience.history, lived(first, n))
     return experience
 
 
@@ -54,7 +54,7 @@ def test_each_round_of_dagger_labels_what_its_tree_came_to_see(experience: Exper
     assert (dagger.labelled_from, asked) == (3, [7])
     assert not dagger.round_is_over(12)
     assert dagger.round_is_over(13)
-    experience.add(lived(40.0, 6))
+    store(experience.history, lived(40.0, 6))
     assert dagger.next_round(13) == 13
     assert (asked, dagger.round_from) == ([7, 6], 13)
     tree = dagger.tree

@@ -16,47 +16,6 @@ learner numbers: all entrants run from the same ones.
 The policy changes only by winning a race. The network is never handed over.
 """
 
-from dataclasses import dataclass
-from typing import ClassVar
-
-from eutree.learners.declared import Declared, give_back
-from eutree.learners.distilled_dqn.learner import DistilledDQNLearner, parts_of
-from eutree.learners.distilled_dqn.teaching import DistilledDQNChoices
-from eutree.learners.learner import Arrays, Needs, Problem, Start
-from eutree.neural.double_dqn import n_weights
-
-
-@dataclass(frozen=True, kw_only=True)
-class DistilledDQN(DistilledDQNChoices):
-    """The method; see ``DistilledDQNChoices`` for its choices."""
-
-    name: ClassVar[str] = "distilled-dqn"
-    needs: ClassVar[Needs] = Needs(
-        gathering=True, starts=("demos", "tree+demos"), asks_teacher=True
-    )
-    gathering_episodes: ClassVar[int] = 1
-
-    def start(self, problem: Problem, start: Start) -> "DistilledDQNLearner":
-        """Return a learner at its start."""
-        return DistilledDQNLearner(self, problem, start)
-
-    def restore(self, problem: Problem, start: Start, state: Arrays) -> "DistilledDQNLearner":
-        """Return the learner whose ``state()`` this was; it goes on to the same bytes."""
-        return give_back(self.start(problem, start), parts_of(start), state)
-
-    def declared(self, problem: Problem, start: Start) -> Declared:
-        """Return the declaration of a ``state()``."""
-        d, n_actions, model = problem.n_features, problem.n_actions, self.world_model
-        seen, outputs = d * (1 + model.memory), n_actions * self.teacher.quantiles
-        return problem.declare(
-            *parts_of(start),
-            weights=n_weights(d, self.teacher.hidden, outputs),
-            seen=seen,
-            members=model.members,
-            member=n_weights(seen + n_actions, model.hidden, 2 * d + 5),
-            shown=sum(map(len, start.episodes)),
-            n_shown=len(start.episodes),
-        )
-
+from eutree.learners.distilled_dqn.learner import DistilledDQN
 
 __all__ = ["DistilledDQN"]

@@ -1,17 +1,20 @@
 """The learner of ``distilled-dqn``: the stages that it goes through, one after the other."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 from eutree.arrays import Booleans, Floats
 from eutree.learners.declared import (
     MOST,
+    Declared,
     Found,
     Part,
     Stored,
     arrays_of,
+    give_back,
     history_parts,
     packed_trees_part,
 )
@@ -29,28 +32,30 @@ from eutree.learners.distilled_dqn.races import (
 )
 from eutree.learners.distilled_dqn.teaching import (
     DAgger,
-    DistilledDQNChoices,
     Experience,
-    GivenTeacher,
     NetworkTeacher,
     Students,
+    best_of,
 )
-from eutree.learners.episode_buffer import EpisodeBuffer, random_action
+from eutree.learners.episode_buffer import EpisodeBuffer, random_action, store
 from eutree.learners.history import History
 from eutree.learners.learner import (
     Arrays,
     Decisions,
     Figures,
+    Needs,
     Problem,
     Start,
     Step,
     Update,
     ValuingPolicy,
 )
-from eutree.neural import DoubleDQN
+from eutree.neural import DoubleDQN, DoubleDQNSettings
+from eutree.neural.double_dqn import n_weights
 from eutree.policy_search.model_trust import ModelTrust
+from eutree.validation import check_amounts, check_number
 from eutree.world_model.action_trees import from_decision_tree, n_leaves, to_decision_tree
-from eutree.world_model.ensemble import N_KINDS, Ensemble
+from eutree.world_model.ensemble import N_KINDS, Ensemble, EnsembleSettings
 
 FEWEST_PRUNED = 2
 EPISODES_PER_CHALLENGER = 30  # that must be affordable for one more challenger
@@ -70,45 +75,96 @@ class Stage(IntEnum):
     LAST_RACE = 3
 
 
-@dataclass(frozen=True)
-class StepBudget:
-    """Environment steps, and how they are divided.
+@dataclass(frozen=True, kw_only=True)
+class DistilledDQN:
+    """The choices of this method.
 
     Attributes:
-        total: Steps to learn in.
-        teacher: Those in which the teacher acts.
-        learning: Those from which it learns: its own, and of those that follow.
-        dagger: Those in which DAgger gathers.
-        last: Those that are kept for the last races.
-        longest: Steps of the longest possible episode; None where there is no limit.
+        max_leaves: Most leaves of the policy.
+        leaf_price: Return that a leaf must earn, as a share of the mean size of a return shown.
+        steps: Environment steps to learn in, where the run has no budget of steps itself.
+        teacher_share: Share of the steps in which the teacher acts.
+        teacher_steps: Most steps that it learns from.
+        learning_share: Share of the steps that it learns from: beyond its own, those of the trees
+            that follow; 0 for its own alone.
+        dagger_share: Share of the steps in which DAgger gathers.
+        last_share: Share of the steps that is kept for the last races.
+        exploration: Chance of a random action of the teacher at first.
+        last_exploration: The same from a fifth of its steps on.
+        demonstration_updates: Updates of the teacher before its first step; at most one for each
+            transition shown.
+        teacher: How the teacher learns.
+        world_model: How the world model is fitted.
     """
 
-    total: int
-    teacher: int
-    learning: int
-    dagger: int
-    last: float
-    longest: int | None
+    name: ClassVar[str] = "distilled-dqn"
+    needs: ClassVar[Needs] = Needs(
+        gathering=True, starts=("demos", "tree+demos"), asks_teacher=True
+    )
+    gathering_episodes: ClassVar[int] = 1
 
-    @classmethod
-    def of(cls, method: DistilledDQNChoices, problem: Problem) -> "StepBudget":
-        """Return the budget of a run: its own, or else the method's."""
-        total = method.steps if problem.steps is None else problem.steps
-        own = int(method.teacher_share * total)
-        return cls(
-            total,
-            min(own, method.teacher_steps),
-            min(max(own, int(method.learning_share * total)), method.teacher_steps),
-            int(method.dagger_share * total),
-            method.last_share * total,
-            problem.max_episode_steps,
+    max_leaves: int = 34
+    leaf_price: float = 0.002
+    steps: int = 500_000
+    teacher_share: float = 0.5
+    teacher_steps: int = 180_000
+    learning_share: float = 0.0
+    dagger_share: float = 0.08
+    last_share: float = 0.2
+    exploration: float = 0.3
+    last_exploration: float = 0.02
+    demonstration_updates: int = 2_000
+    teacher: DoubleDQNSettings = field(default_factory=DoubleDQNSettings)
+    world_model: EnsembleSettings = field(default_factory=EnsembleSettings)
+
+    def __post_init__(self) -> None:
+        check_amounts(self, max_leaves=2, steps=1, teacher_steps=1, demonstration_updates=1)
+        check_number("leaf_price", self.leaf_price, low=0.0)
+        for name in (
+            "teacher_share", "learning_share", "dagger_share", "last_share", "exploration",
+            "last_exploration",
+        ):  # fmt: skip
+            check_number(name, getattr(self, name), low=0.0, high=1.0)
+
+    def start(self, problem: Problem, start: Start) -> "DistilledDQNLearner":
+        """Return a learner at its start."""
+        return DistilledDQNLearner(self, problem, start)
+
+    def restore(self, problem: Problem, start: Start, state: Arrays) -> "DistilledDQNLearner":
+        """Return the learner whose ``state()`` this was; it goes on to the same bytes."""
+        return give_back(self.start(problem, start), parts_of(start), state)
+
+    def declared(self, problem: Problem, start: Start) -> Declared:
+        """Return the declaration of a ``state()``."""
+        d, n_actions, model = problem.n_features, problem.n_actions, self.world_model
+        seen, outputs = d * (1 + model.memory), n_actions * self.teacher.quantiles
+        return problem.declare(
+            *parts_of(start),
+            weights=n_weights(d, self.teacher.hidden, outputs),
+            seen=seen,
+            members=model.members,
+            member=n_weights(seen + n_actions, model.hidden, 2 * d + 5),
+            shown=sum(map(len, start.episodes)),
+            n_shown=len(start.episodes),
         )
 
-    def exploration(self, method: DistilledDQNChoices, steps: int) -> float:
-        """Return the chance of a random action of the teacher after so many steps."""
-        passed = min(5.0 * steps / max(self.teacher, 1), 1.0)
-        first, last = method.exploration, method.last_exploration
-        return first + (last - first) * passed
+    def budget(self, steps: int | None) -> "StepBudget":
+        """Return how a run divides its steps; None for the method's own number of them."""
+        total = self.steps if steps is None else steps
+        own, shared = int(self.teacher_share * total), int(self.learning_share * total)
+        teacher, learning = (min(n, self.teacher_steps) for n in (own, max(own, shared)))
+        dagger = int(self.dagger_share * total)
+        return StepBudget(total, teacher, learning, dagger, self.last_share * total)
+
+
+class StepBudget(NamedTuple):
+    """Environment steps of a run, and how they are divided."""
+
+    total: int  # to learn in
+    teacher: int  # in which the teacher acts
+    learning: int  # from which it learns: its own, and of those that follow
+    dagger: int  # in which DAgger gathers
+    last: float  # that are kept for the last races
 
 
 class DistilledDQNLearner:
@@ -117,27 +173,38 @@ class DistilledDQNLearner:
     Attributes:
         stage: Where it is.
         steps: Environment steps so far, demonstrations apart.
+        teacher: Who teaches.
+        network: The same, if it learns here; None where it was given.
         dagger: DAgger's rounds.
         challengers: The world model, and the trees that it speaks for.
         races: The policy, and the trees that challenged it.
     """
 
-    def __init__(self, method: DistilledDQNChoices, problem: Problem, start: Start) -> None:
+    def __init__(self, method: DistilledDQN, problem: Problem, start: Start) -> None:
         self._method = method
         self._problem = problem
         self._start = start
-        self._budget = budget = StepBudget.of(method, problem)
+        self._budget = budget = method.budget(problem.steps)
         self._episode = EpisodeBuffer()
         self._experience = experience = Experience(problem.n_features, start.episodes)
         history = experience.history
         self.stage = Stage.TEACHER
         self.steps = 0
-        self._teacher: NetworkTeacher | GivenTeacher
-        if start.teacher is None:
-            chance = np.random.default_rng((problem.n_features, history.size))
-            self._teacher = NetworkTeacher(method, problem, start, history, budget.learning, chance)
+        self.network: NetworkTeacher | None = None
+        self.teacher: ValuingPolicy
+        if start.teacher is not None:
+            self.teacher = start.teacher
         else:
-            self._teacher = GivenTeacher(start.teacher)
+            self.network = NetworkTeacher(
+                method.teacher,
+                problem.n_actions,
+                start.episodes,
+                history,
+                updates=method.demonstration_updates,
+                steps=budget.learning,
+                generator=np.random.default_rng((problem.n_features, history.size)),
+            )
+            self.teacher = self.network.policy
         students = Students(
             self.teacher.action_values,
             problem.n_actions,
@@ -169,11 +236,11 @@ class DistilledDQNLearner:
         """Return the action for the present observation, among those that are allowed, [A]."""
         observation = self._episode.present
         if self.stage is Stage.TEACHER:
-            if self._episode.generator.random() < self._budget.exploration(
-                self._method, self.steps
-            ):
+            if self._episode.generator.random() < self._exploration():
                 return random_action(self._episode.generator, self._problem.n_actions, allowed)
-            return self._teacher.act(observation, allowed)
+            if self.network is not None:
+                return self.network.policy.act(observation, allowed)
+            return int(best_of(self.teacher.action_values(observation[np.newaxis])[0], allowed))
         running = self.dagger.tree if self.stage is Stage.DAGGER else self.races.running
         return self._students.act(running, observation, allowed)
 
@@ -191,7 +258,7 @@ class DistilledDQNLearner:
     def end_episode(self) -> None:
         """Store the episode."""
         self.steps += len(self._episode)
-        self._experience.add(self._episode.finish())
+        store(self.history, self._episode.finish())
 
     def discard_episode(self) -> None:
         """Be as before the episode."""
@@ -205,11 +272,6 @@ class DistilledDQNLearner:
         return self.stage.name.lower().replace("_", " ")
 
     @property
-    def teacher(self) -> ValuingPolicy:
-        """Who teaches."""
-        return self._teacher.policy
-
-    @property
     def teacher_acts(self) -> bool:
         """Whether the present episode is the teacher's."""
         return self.stage is Stage.TEACHER
@@ -217,7 +279,8 @@ class DistilledDQNLearner:
     def update(self, generator: np.random.Generator) -> Update:
         """Let the teacher learn from the last episode; go on to the next stage when it is time."""
         facts: Figures = {"stage": self.stage.name.lower()}
-        if self._teacher.learn(self.history, generator) and self.stage is not Stage.TEACHER:
+        learns = self.network is not None and self.network.learn(self.history, generator)
+        if learns and self.stage is not Stage.TEACHER:
             # It may say now something else of what it was asked about before.
             self._students.begin(self.dagger.labelled_from)
         if self.stage is Stage.TEACHER:
@@ -236,14 +299,20 @@ class DistilledDQNLearner:
         """Return how the world model orders the trees that were really run; None without one."""
         return self.challengers.trust(self.races.trees)
 
+    def _exploration(self) -> float:
+        """Return the chance of a random action of the teacher after the steps so far."""
+        passed = min(5.0 * self.steps / max(self._budget.teacher, 1), 1.0)
+        first, last = self._method.exploration, self._method.last_exploration
+        return first + (last - first) * passed
+
     def _taught(self) -> Figures:
         """Go on to DAgger when the teacher has had its steps."""
         if self.steps >= self._budget.teacher:
             self.dagger.begin(self.steps)
             self.stage = Stage.DAGGER
         return {
-            "exploration": self._budget.exploration(self._method, self.steps),
-            "updates": self._teacher.updates,
+            "exploration": self._exploration(),
+            "updates": 0 if self.network is None else self.network.policy.updates,
             "return": self._experience.return_of(self._experience.last()),
         }
 
@@ -277,9 +346,14 @@ class DistilledDQNLearner:
         if self.races.is_run:
             facts |= self.races.end(self.model_trust())
             facts |= self._go_on(generator)
-        elif self.steps + (self._budget.longest or self._experience.longest) > self._budget.total:
+        elif self.steps + self._longest > self._budget.total:
             facts |= self.races.end(self.model_trust())  # not one more episode may fit
         return facts
+
+    @property
+    def _longest(self) -> int:
+        """The steps of the longest possible episode; of the longest so far without a limit."""
+        return self._problem.max_episode_steps or self._experience.longest
 
     def _go_on(self, generator: np.random.Generator) -> Figures:
         """Propose again or, when few steps are left, let the best meet once more."""
@@ -340,15 +414,15 @@ def _is_race(found: Found) -> None:
 _WEIGHTS = Stored("f4", ("weights",))
 _TEACHER = Part(
     {
-        "teacher_known": Stored("i8", "1", low=0, most="history_n_episodes", at="_teacher.known"),
+        "teacher_known": Stored("i8", "1", low=0, most="history_n_episodes", at="network.known"),
         "teacher_updates": Stored("i8", "1", low=0, most=MOST),
         **{f"teacher_{name}": _WEIGHTS for name in ("online", "target", "average", "mean")},
         "teacher_square": _WEIGHTS._replace(low=0),
     },
-    at="_teacher.policy",
+    at="network.policy",
     prefix="teacher_",
     save=DoubleDQN.state,
-    make=lambda learner, state: learner._teacher.take_back(state, learner.history),
+    make=lambda learner, state: learner.network.take_back(state, learner.history),
 )
 _RACED_TREES = Part(
     {

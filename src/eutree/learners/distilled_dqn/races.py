@@ -18,6 +18,7 @@ from eutree.contests.rules import Lead
 from eutree.contests.table import pairs
 from eutree.learners.declared import State
 from eutree.learners.distilled_dqn.teaching import Experience, Students
+from eutree.learners.episode_buffer import transitions_of
 from eutree.learners.learner import Arrays, Figures
 from eutree.policy_search.model_trust import ModelTrust
 from eutree.world_model import ActionTree
@@ -149,7 +150,7 @@ class ImaginedChallengers:
 
     def make(self, n: int, generator: np.random.Generator) -> list[RacedTree]:
         """Fit the model to all that is known; return CART's trees and ``n`` pruned ones."""
-        data = self._experience.transitions(self._n_actions)
+        data = transitions_of(self._experience.history, self._n_actions)
         if self.ensemble is None:
             ensemble = fit_ensemble(data, self._settings, generator)
         else:

@@ -1,12 +1,11 @@
-"""The choices of ``distilled-dqn``, its episodes, its teachers, and the trees that copy them.
+"""The episodes of ``distilled-dqn``, the network that teaches, and the trees that copy a teacher.
 
-The teacher is a network that learns in the run, or one of the user. CART copies it on everything
-that it was asked about, which DAgger gathers (Ross, Gordon and Bagnell 2011).
+CART copies it on everything that it was asked about, which DAgger gathers (Ross, Gordon and Bagnell
+2011).
 """
 
 import itertools
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -14,69 +13,13 @@ from eutree.arrays import Booleans, Floats, Int32s, Integers
 from eutree.cart import grow_cart
 from eutree.data import Episode
 from eutree.learners.declared import State
-from eutree.learners.episode_buffer import (
-    FinishedEpisode,
-    store,
-    store_demonstrations,
-    transitions_of,
-)
+from eutree.learners.episode_buffer import store_demonstrations
 from eutree.learners.history import TERMINAL, History
-from eutree.learners.learner import Problem, Start, ValuingPolicy
 from eutree.neural import DoubleDQN, DoubleDQNSettings, Scaling
 from eutree.neural.double_dqn import reward_scale_of
 from eutree.policies.leaf_statistics import orders_of
-from eutree.validation import check_integer, check_number
-from eutree.world_model import ActionTree, Transitions, leaf_node
+from eutree.world_model import ActionTree, leaf_node
 from eutree.world_model.action_trees import from_decision_tree, to_decision_tree
-from eutree.world_model.ensemble import EnsembleSettings
-
-
-@dataclass(frozen=True, kw_only=True)
-class DistilledDQNChoices:
-    """The choices of this method.
-
-    Attributes:
-        max_leaves: Most leaves of the policy.
-        leaf_price: Return that a leaf must earn, as a share of the mean size of a return shown.
-        steps: Environment steps to learn in, where the run has no budget of steps itself.
-        teacher_share: Share of the steps in which the teacher acts.
-        teacher_steps: Most steps that it learns from.
-        learning_share: Share of the steps that it learns from: beyond its own, those of the trees
-            that follow; 0 for its own alone.
-        dagger_share: Share of the steps in which DAgger gathers.
-        last_share: Share of the steps that is kept for the last races.
-        exploration: Chance of a random action of the teacher at first.
-        last_exploration: The same from a fifth of its steps on.
-        demonstration_updates: Updates of the teacher before its first step; at most one for each
-            transition shown.
-        teacher: How the teacher learns.
-        world_model: How the world model is fitted.
-    """
-
-    max_leaves: int = 34
-    leaf_price: float = 0.002
-    steps: int = 500_000
-    teacher_share: float = 0.5
-    teacher_steps: int = 180_000
-    learning_share: float = 0.0
-    dagger_share: float = 0.08
-    last_share: float = 0.2
-    exploration: float = 0.3
-    last_exploration: float = 0.02
-    demonstration_updates: int = 2_000
-    teacher: DoubleDQNSettings = field(default_factory=DoubleDQNSettings)
-    world_model: EnsembleSettings = field(default_factory=EnsembleSettings)
-
-    def __post_init__(self) -> None:
-        check_integer("max_leaves", self.max_leaves, low=2)
-        check_number("leaf_price", self.leaf_price, low=0.0)
-        for name in ("steps", "teacher_steps", "demonstration_updates"):
-            check_integer(name, getattr(self, name), low=1)
-        for name in (
-            "teacher_share", "learning_share", "dagger_share", "last_share", "exploration"
-        ):  # fmt: skip
-            check_number(name, getattr(self, name), low=0.0, high=1.0)
-        check_number("last_exploration", self.last_exploration, low=0.0, high=1.0)
 
 
 class Experience:
@@ -95,10 +38,6 @@ class Experience:
         self.history = History(n_features, 1)
         store_demonstrations(self.history, demonstrations)
         self.n_shown = self.history.size
-
-    def add(self, episode: FinishedEpisode) -> None:
-        """Store an episode of the learner's own."""
-        store(self.history, episode)
 
     @property
     def mean_length(self) -> float:
@@ -136,10 +75,6 @@ class Experience:
         row = max(self.history.size - n_steps, self.n_shown)
         number = self.history.episodes[min(row, self.history.size - 1)]
         return max(int(np.searchsorted(self.history.episodes, number)), self.n_shown)
-
-    def transitions(self, n_actions: int) -> Transitions:
-        """Return all of it as a world model is fitted to."""
-        return transitions_of(self.history, n_actions)
 
 
 class Students:
@@ -221,8 +156,8 @@ class Students:
         """Ask the teacher about the observations that it has not seen yet."""
         new = slice(self._first + self._labels.size, len(observations))
         values, masks = self._action_values(observations[new]), self._masks()
-        best = values if masks is None else np.where(masks[new], values, -np.inf)
-        self._labels = np.concatenate([self._labels, best.argmax(axis=1)])
+        best = best_of(values, None if masks is None else masks[new])
+        self._labels = np.concatenate([self._labels, best])
         self._gaps = np.concatenate([self._gaps, np.ptp(values, axis=1)])
 
 
@@ -280,40 +215,22 @@ class DAgger:
         self.tree = self._students.fit(self._experience.history.observations, STUDENT_LEAVES)
 
 
-class GivenTeacher:
-    """A teacher of the user's own, who has learned elsewhere.
-
-    Args:
-        policy: The teacher.
-
-    Attributes:
-        policy: The same.
-        updates: 0; it does not learn here.
-    """
-
-    updates = 0
-
-    def __init__(self, policy: ValuingPolicy) -> None:
-        self.policy = policy
-
-    def act(self, observation: Floats, allowed: Booleans | None = None) -> int:
-        """Return its action at an observation [d], among those that are allowed, [A]."""
-        values = self.policy.action_values(observation[np.newaxis])[0]
-        return int((values if allowed is None else np.where(allowed, values, -np.inf)).argmax())
-
-    def learn(self, history: History, generator: np.random.Generator) -> bool:
-        """Do nothing; return that nothing was learned."""
-        return False
+def best_of(values: Floats, allowed: Booleans | None) -> Integers:
+    """Return the actions of the largest values [..., A], among those that are allowed."""
+    return np.asarray(
+        (values if allowed is None else np.where(allowed, values, -np.inf)).argmax(-1)
+    )
 
 
 class NetworkTeacher:
     """A Double DQN that learns from a run's episodes, the demonstrations first.
 
     Args:
-        method: How it learns, and how often before its first step.
-        problem: The task.
-        start: The demonstrations.
+        settings: How it learns.
+        n_actions: Number of actions.
+        demonstrations: The demonstrations.
         history: They, stored.
+        updates: Updates before its first step; at most one for each transition.
         steps: Steps that it is going to learn from.
         generator: Source of its first weights.
 
@@ -324,50 +241,36 @@ class NetworkTeacher:
 
     def __init__(
         self,
-        method: DistilledDQNChoices,
-        problem: Problem,
-        start: Start,
+        settings: DoubleDQNSettings,
+        n_actions: int,
+        demonstrations: Sequence[Episode],
         history: History,
+        *,
+        updates: int,
         steps: int,
         generator: np.random.Generator,
     ) -> None:
-        settings = method.teacher
         self._per_step = settings.updates_per_step
-        self._first_updates = min(method.demonstration_updates, history.size)
+        self._first_updates = min(updates, history.size)
         self._n_shown = self.known = history.n_episodes
         self._last_row = history.size + steps
+        rewards = [episode.rewards for episode in demonstrations]
         self.policy = DoubleDQN(
             settings,
             Scaling.of(history.observations),
-            problem.n_actions,
-            reward_scale=reward_scale_of([e.rewards for e in start.episodes], settings.discount),
+            n_actions,
+            reward_scale=reward_scale_of(rewards, settings.discount),
             updates=max(self._first_updates + int(self._per_step * steps), 1),
             generator=generator,
         )
-        for episode in start.episodes:
-            self.policy.add(
-                episode.observations,
-                episode.actions,
-                episode.rewards,
-                terminated=episode.terminated,
-                allowed=episode.allowed,
-            )
-
-    @property
-    def updates(self) -> int:
-        """Updates so far."""
-        return self.policy.updates
-
-    def act(self, observation: Floats, allowed: Booleans | None = None) -> int:
-        """Return its action at an observation [d], by its present weights."""
-        return self.policy.act(observation, allowed)
+        self._show(history, 0, self.known)
 
     def learn(self, history: History, generator: np.random.Generator) -> bool:
         """Learn from the episodes that are new, of any actor; return whether it still learns."""
         first = int(np.searchsorted(history.episodes, self.known))
-        if self.updates and first >= self._last_row:  # at first there are demonstrations at least
+        if self.policy.updates and first >= self._last_row:  # there are demonstrations at least
             return False
-        if not self.updates:
+        if not self.policy.updates:
             self.policy.update(self._first_updates, generator)
         self._show(history, self.known, history.n_episodes)
         self.known = history.n_episodes
