@@ -39,8 +39,8 @@ def browser(monkeypatch) -> Seen:
 
 
 def test_the_browser_gets_a_file_that_leads_to_the_page_and_no_token(browser) -> None:
-    with opened_by() as opener:
-        assert opener.open(URL)
+    with opened_by() as opens:
+        assert opens(URL)
     [(url, content, mode)] = browser.opened
     assert "secret" not in url
     assert url.startswith("file://")
@@ -50,23 +50,23 @@ def test_the_browser_gets_a_file_that_leads_to_the_page_and_no_token(browser) ->
 
 
 def test_nothing_opens_where_nobody_sees_it(browser, monkeypatch) -> None:
-    with opened_by() as opener:
+    with opened_by() as opens:
         monkeypatch.setenv("SSH_CONNECTION", "10.0.0.1 1 10.0.0.2 22")
-        assert not opener.open(URL)
+        assert not opens(URL)
         monkeypatch.delenv("SSH_CONNECTION")
         monkeypatch.delenv("DISPLAY")
         monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-        assert not opener.open(URL)
+        assert not opens(URL)
         monkeypatch.setenv("DISPLAY", ":0")
         monkeypatch.setattr(sys.stderr, "isatty", lambda: False)
-        assert not opener.open(URL)
+        assert not opens(URL)
     assert browser.opened == []
 
 
 def test_a_browser_of_the_terminal_is_left_alone(browser, monkeypatch) -> None:
     monkeypatch.setattr(webbrowser, "get", lambda: webbrowser.GenericBrowser("lynx"))
-    with opened_by() as opener:
-        assert not opener.open(URL)
+    with opened_by() as opens:
+        assert not opens(URL)
 
 
 def test_without_any_browser_the_address_is_printed_and_nothing_fails(browser, monkeypatch) -> None:
@@ -74,5 +74,5 @@ def test_without_any_browser_the_address_is_printed_and_nothing_fails(browser, m
         raise webbrowser.Error("could not locate runnable browser")
 
     monkeypatch.setattr(webbrowser, "get", none)
-    with opened_by() as opener:
-        assert not opener.open(URL)
+    with opened_by() as opens:
+        assert not opens(URL)

@@ -80,7 +80,7 @@ def test_an_environment_without_a_plant_gets_a_statistical_certificate(tmp_path,
     ],
 )
 def test_mistakes_are_one_line(car, capsys, monkeypatch, arguments, message):
-    monkeypatch.setattr("eutree.evaluation.evaluate", None)  # nothing is played before
+    monkeypatch.setattr("eutree.cli.measuring.evaluate_policy", None)  # nothing is played before
     assert run(["prove", str(car), *arguments]) == 2
     error = capsys.readouterr().err
     assert message in error

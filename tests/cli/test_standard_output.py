@@ -96,7 +96,7 @@ def test_a_target_is_tried_before_the_work(eutree, tmp_path, monkeypatch, expert
 
     for place, name in (
         (importlib.import_module("eutree.report.watching"), "watch_if_possible"),
-        (importlib.import_module("eutree.evaluation"), "evaluate"),
+        (importlib.import_module("eutree.cli.inspecting"), "evaluate"),
         (importlib.import_module("eutree.distillation"), "distill"),
         (importlib.import_module("eutree.compression"), "compress"),
         (importlib.import_module("eutree.report"), "demonstration_figures"),

@@ -19,14 +19,17 @@ import click
 
 from eutree.cli._options import Helped, Written, give, look_in_this_folder
 from eutree.cli._output import say
-from eutree.cli._policies import in_zoo, is_own
+from eutree.cli._policies import controller, in_zoo, is_own
+from eutree.data import Demonstrations
 from eutree.errors import FileError, FormatError, InvalidArgumentError
 from eutree.files import Document, read_bytes, read_document, write_document
+from eutree.interaction.making import make
+from eutree.recording import record
+from eutree.schema import EnvironmentSpec
+from eutree.zoo import settings_of, tasks
 
 if TYPE_CHECKING:
-    from eutree.data import Demonstrations
     from eutree.learners import Method
-    from eutree.schema import EnvironmentSpec
 
 KEPT = "command.json"
 # Asked for each time: none changes the result of a run.
@@ -236,12 +239,8 @@ class RunSettings:
         if self.derived and not (given and given.derived):
             give(context, Names(derived=tuple(self.derived)))
 
-    def shown(self, spec: "EnvironmentSpec", seed: int) -> "Demonstrations | None":
+    def shown(self, spec: EnvironmentSpec, seed: int) -> Demonstrations | None:
         """Return the episodes of who demonstrates, recorded now."""
-        from eutree.cli._policies import controller
-        from eutree.interaction.making import make
-        from eutree.recording import record
-
         if self.expert is None:
             return None
         try:
@@ -330,8 +329,6 @@ def _pair(text: str) -> tuple[str, Any]:
 
 def _read(path: Path) -> dict[str, Any]:
     """Return the content of a TOML file, or of the JSON file of a run's configuration."""
-    from eutree.zoo import settings_of, tasks
-
     if in_zoo(path):
         path = settings_of(str(path))
     elif not path.exists() and str(path) in tasks():

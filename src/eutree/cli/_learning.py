@@ -6,14 +6,21 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from eutree.cli._given import keep
-from eutree.cli._output import ProgressLine, figures_of, front_drawn, progress, say
+from eutree.cli._output import (
+    ProgressLine,
+    figures_of,
+    front_drawn,
+    progress,
+    runs_as_values,
+    say,
+)
 from eutree.cli._policies import beside
 from eutree.display import counted
+from eutree.schema import EnvironmentSpec
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from eutree.schema import EnvironmentSpec
     from eutree.training import LearningResult, Run
     from eutree.training.many import FinishedRun, LearningRuns
 
@@ -155,7 +162,7 @@ def _against_start(result: "LearningResult") -> str:
 
 
 def run_many(
-    spec: "EnvironmentSpec", runs: int, n_jobs: int, out: Path, options: dict[str, Any]
+    spec: EnvironmentSpec, runs: int, n_jobs: int, out: Path, options: dict[str, Any]
 ) -> "LearningRuns":
     """Learn several times, with one progress display."""
     from eutree.training.many import learn_runs
@@ -179,15 +186,7 @@ def many_results(learned: "LearningRuns", out: Path) -> "tuple[dict[str, Any], T
         "n_leaves": learned.policy.n_leaves,
         "handed_over": "learned" if judgement is None else judgement.handed_over,
         "why": "" if judgement is None else judgement.why,
-        "runs": [
-            {
-                **figures_of(run, "seed n_leaves environment_steps"),
-                **figures_of(run.selection, _EARNED),
-                "path": str(run.path),
-                "winner": number == learned.winner,
-            }
-            for number, run in enumerate(learned.runs)
-        ],
+        "runs": runs_as_values(learned, _EARNED),
         "certificate": None if learned.certificate is None else learned.certificate.figures(),
         "judged": {"episodes": judged.episodes, **figures_of(judged, _EARNED)},
     }
@@ -203,17 +202,12 @@ def many_results(learned: "LearningRuns", out: Path) -> "tuple[dict[str, Any], T
         caption_justify="left",
     )  # fmt: skip
     for number, run in enumerate(learned.runs):
-        low, high = run.selection.return_interval
-        success = run.selection.success_interval
-        rate = run.selection.success_rate
-        shown = ""
-        if rate is not None and success is not None:
-            shown = f"{rate:.1%} [{success.low:.1%}, {success.high:.1%}]"
+        known, rate = run.selection, run.selection.success_rate
         table.add_row(
             "*" if number == learned.winner else "",
             str(run.seed),
-            f"{run.selection.mean_return:.2f} [{low:.2f}, {high:.2f}]",
-            shown,
+            f"{known.mean_return:.2f} {known.return_interval:.2f}",
+            "" if rate is None else f"{rate:.1%} {known.success_interval:.1%}",
             str(run.n_leaves),
         )
     return values, table

@@ -260,91 +260,15 @@ def starts(text: str, *, multiple: bool = False) -> Callable[[_Command], _Comman
     )
 
 
-def as_json(command: _Command) -> _Command:
-    """Add ``--json``, passed on as ``as_json``, to a command that prints its result itself."""
-    return click.option("--json", "as_json", is_flag=True, help=_ONE_OBJECT)(command)
+def together(*options: Callable[[_Command], _Command]) -> Callable[[_Command], _Command]:
+    """Return several options as one."""
 
+    def add(command: _Command) -> _Command:
+        for one in reversed(options):
+            command = one(command)
+        return command
 
-def seed(command: _Command) -> _Command:
-    """Add ``--seed``."""
-    text = "Seed; the same seed gives the same bytes."
-    return count("--seed", 0, text, least=0, most=MAX_SEED)(command)
-
-
-def environment(command: _Command) -> _Command:
-    """Add the options of every command that makes an environment.
-
-    ``--env-arg key=value`` (repeatable) is passed on as a dict ``env_arguments``, with those that
-    ``--decode`` and ``--action-grid`` ask for; ``--import``, ``--names`` and ``--derive`` are
-    obeyed before the command begins.
-    """
-    argument = click.option(
-        "--env-arg",
-        "env_arguments",
-        multiple=True,
-        metavar="KEY=VALUE",
-        callback=_parse_arguments,
-        help="Argument of the environment, for example opponent_speed=4.2. May be repeated.",
-    )
-    names = click.option(
-        "--names",
-        type=click.Path(path_type=Path),
-        metavar="FILE",
-        expose_value=False,
-        callback=_use_names,
-        help='Names for an environment without: {"features": ["room [°C]", "hour [h]"], '
-        '"actions": ["off", "on"], "derived": ["warmth = room * hour"]}.',
-    )
-    derive = click.option(
-        "--derive",
-        multiple=True,
-        metavar="NAME=FORMULA",
-        expose_value=False,
-        callback=_derive,
-        help="A feature made of others: 'fall = level - last(level)'; or a file with one a line. "
-        "May be repeated. fit --derive auto proposes some.",
-    )
-    decode = click.option(
-        "--decode",
-        is_flag=True,
-        is_eager=True,  # before --env-arg, to which it adds
-        expose_value=False,
-        callback=_decode,
-        help="Observe what the environment's codes stand for, by its own method decode (Taxi).",
-    )
-    grid = click.option(
-        "--action-grid",
-        multiple=True,
-        is_eager=True,  # as --decode
-        expose_value=False,
-        metavar="NAME=LEVEL,...",
-        callback=_grid,
-        help="For continuous actions: the levels to choose from, valve=0,50,100 or "
-        "'valve [%]=0:100:5' (five from 0 to 100). One for each number of the action, in order.",
-    )
-    return argument(decode(grid(module(derive(names(command))))))
-
-
-def monotone(command: _Command) -> _Command:
-    """Add ``--monotone`` (repeatable), passed on as a tuple of rules."""
-    return click.option(
-        "--monotone",
-        multiple=True,
-        metavar="RULE",
-        help="A rule that the tree keeps: 'stop in distance', raising it never leads away from "
-        "stop; 'go in falling speed when ...', as verify has them. May be repeated.",
-    )(command)
-
-
-def module(command: _Command) -> _Command:
-    """Add ``--import``, which is obeyed before the command begins."""
-    return click.option(
-        "--import",
-        metavar="MODULE",
-        expose_value=False,
-        callback=_import_module,
-        help="Python module, installed or in this folder, that registers your environment.",
-    )(command)
+    return add
 
 
 def _decode(context: click.Context, parameter: click.Parameter, wanted: bool) -> None:
@@ -395,11 +319,10 @@ def number(text: str, wanted: str) -> float:
 
 def _use_names(context: click.Context, parameter: click.Parameter, path: Path | None) -> None:
     """Give the names in a file to every environment that the command makes."""
-    if path is None or context.resilient_parsing:
-        return
     from eutree.interaction.names import Names
 
-    give(context, Names.load(path))
+    if path is not None and not context.resilient_parsing:
+        give(context, Names.load(path))
 
 
 def _derive(context: click.Context, parameter: click.Parameter, texts: tuple[str, ...]) -> None:
@@ -477,3 +400,71 @@ def _parsed(value: str) -> Any:
         return json.loads(value)
     except ValueError:
         return {"True": True, "False": False, "None": None}.get(value, value)
+
+
+# ``--json``, passed on as ``as_json``, of a command that prints its result itself
+as_json = click.option("--json", "as_json", is_flag=True, help=_ONE_OBJECT)
+seed = count("--seed", 0, "Seed; the same seed gives the same bytes.", least=0, most=MAX_SEED)
+monotone = click.option(
+    "--monotone",
+    multiple=True,
+    metavar="RULE",
+    help="A rule that the tree keeps: 'stop in distance', raising it never leads away from stop; "
+    "'go in falling speed when ...', as verify has them. May be repeated.",
+)
+module = click.option(
+    "--import",
+    metavar="MODULE",
+    expose_value=False,
+    callback=_import_module,
+    help="Python module, installed or in this folder, that registers your environment.",
+)
+# Of every command that makes an environment: ``env_arguments`` is a dict, with what ``--decode``
+# and ``--action-grid`` ask for; the others are obeyed before the command begins.
+environment = together(
+    click.option(
+        "--env-arg",
+        "env_arguments",
+        multiple=True,
+        metavar="KEY=VALUE",
+        callback=_parse_arguments,
+        help="Argument of the environment, for example opponent_speed=4.2. May be repeated.",
+    ),
+    click.option(
+        "--decode",
+        is_flag=True,
+        is_eager=True,  # before --env-arg, to which it adds
+        expose_value=False,
+        callback=_decode,
+        help="Observe what the environment's codes stand for, by its own method decode (Taxi).",
+    ),
+    click.option(
+        "--action-grid",
+        multiple=True,
+        is_eager=True,  # as --decode
+        expose_value=False,
+        metavar="NAME=LEVEL,...",
+        callback=_grid,
+        help="For continuous actions: the levels to choose from, valve=0,50,100 or "
+        "'valve [%]=0:100:5' (five from 0 to 100). One for each number of the action, in order.",
+    ),
+    module,
+    click.option(
+        "--derive",
+        multiple=True,
+        metavar="NAME=FORMULA",
+        expose_value=False,
+        callback=_derive,
+        help="A feature made of others: 'fall = level - last(level)'; or a file with one a line. "
+        "May be repeated. fit --derive auto proposes some.",
+    ),
+    click.option(
+        "--names",
+        type=click.Path(path_type=Path),
+        metavar="FILE",
+        expose_value=False,
+        callback=_use_names,
+        help='Names for an environment without: {"features": ["room [°C]", "hour [h]"], '
+        '"actions": ["off", "on"], "derived": ["warmth = room * hour"]}.',
+    ),
+)

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from rich.progress import Progress
 
     from eutree.compression.episodes import FrontEntry
+    from eutree.training.many import LearningRuns
+
 
 _HEADER = "leaves  return [95 %]                 success"
 _WIDTH = 20
@@ -148,13 +150,23 @@ def figures_of(result: object, names: str) -> dict[str, Any]:
     return {name: getattr(result, name) for name in names.split()}
 
 
+def runs_as_values(runs: "LearningRuns", earned: str) -> list[dict[str, Any]]:
+    """Return several runs for ``--json``, each with these figures of the episodes that chose."""
+    return [
+        {
+            **figures_of(run, "seed n_leaves environment_steps"),
+            **figures_of(run.selection, earned),
+            "path": str(run.path),
+            "winner": number == runs.winner,
+        }
+        for number, run in enumerate(runs.runs)
+    ]
+
+
 def front_drawn(front: "Sequence[FrontEntry]", first: str, picked: int | None = None) -> str:
     """Return a front as lines, the longer the more it returns; "" if there is none.
 
-    Args:
-        front: The trees, the first of which the others were made of.
-        first: The name of that one.
-        picked: Leaves of the tree that was picked; None for none.
+    The others were made of the ``first``; ``picked`` are the leaves of the one that was picked.
     """
     if not front:
         return ""
@@ -162,13 +174,12 @@ def front_drawn(front: "Sequence[FrontEntry]", first: str, picked: int | None = 
     least = min(one.mean_return for one in front)
     lines = [_HEADER]
     for number, one in enumerate(front):
-        low, high = one.return_interval
         width = round(_WIDTH * (one.mean_return - least) / ((best - least) or 1.0))
         success = "" if one.success_rate is None else f"{one.success_rate:.1%}"
         mark = f"  {first}" if number == 0 else ""
         if number and one.policy.n_leaves == picked:
             mark = "  picked"
-        earned = f"{one.mean_return:.2f} [{low:.2f}, {high:.2f}]"
+        earned = f"{one.mean_return:.2f} {one.return_interval:.2f}"
         lines.append(
             f"{one.policy.n_leaves:>6}  {earned:<28}  {success:>6}  {'#' * width}{mark}".rstrip()
         )

@@ -2,10 +2,10 @@
 
 import importlib
 import sys
-from collections.abc import Callable
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import click
 
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from eutree.interaction.names import Names
     from eutree.policies import TreePolicy
 
-_Command = TypeVar("_Command", bound=Callable[..., Any])
 
 OWN = "MODULE:NAME or FILE.py:NAME"
 _HINT = f"One of your own is named {OWN}: a policy, its class, or a function."
@@ -173,43 +172,32 @@ def _imported(module: str, what: str) -> object:
         ) from error
 
 
-def against_option(command: _Command) -> _Command:
-    """Add ``--against``: who else plays the episodes of the result."""
-    text = f"Play the same episodes with another: an expert, a policy file, {OWN}."
-    return click.option("--against", metavar="NAME", help=text)(command)
+against_option = click.option(
+    "--against",
+    metavar="NAME",
+    help=f"Play the same episodes with another: an expert, a policy file, {OWN}.",
+)
 
 
-class Rival:
-    """The rival that plays the same episodes as a result; found before the result is made.
+def set_against(
+    rival: "Controller | None",
+    spec: EnvironmentSpec,
+    policy: "Evaluation",
+    *,
+    name: str | None,
+    seed: int,
+    n_jobs: int | None,
+) -> "Against | None":
+    """Let a rival, if there is one, play the episodes that a policy has played; compare both."""
+    from eutree.evaluation import against, evaluate
+    from eutree.interaction.first_look import return_range
+    from eutree.interaction.making import make
 
-    Args:
-        name: As ``--against`` has it.
-        spec: The environment in which both play.
-
-    Attributes:
-        controller: The rival's policy, or a function that makes or is one.
-
-    Raises:
-        UnknownNameError: The name means nothing that acts; see ``controller``.
-    """
-
-    def __init__(self, name: str, spec: EnvironmentSpec) -> None:
-        self._name = name
-        self._spec = spec
-        self.controller = controller(name, "--against", spec)
-
-    def follows(self, policy: "Evaluation", *, seed: int, n_jobs: int | None) -> "Against":
-        """Let the rival play the episodes that a policy has played."""
-        from eutree.evaluation import against, evaluate
-        from eutree.interaction.first_look import return_range
-        from eutree.interaction.making import make
-
-        n = policy.episodes
-        other = evaluate(self.controller, self._spec, episodes=n, seed=seed, n_jobs=n_jobs)
-        env = make(self._spec)
-        known = return_range(env)
-        env.close()
-        return against(policy, other, known=known, name=self._name)
+    if rival is None:
+        return None
+    other = evaluate(rival, spec, episodes=policy.episodes, seed=seed, n_jobs=n_jobs)
+    with closing(make(spec)) as env:
+        return against(policy, other, known=return_range(env), name=name or "")
 
 
 def beside(found: "Against | None") -> str:

@@ -7,29 +7,33 @@ from typing import TYPE_CHECKING, Any
 import click
 import numpy as np
 
+from eutree.arrays import Floats
 from eutree.cli import _options as option
 from eutree.cli._options import Helped
 from eutree.cli._output import Result, figures_of, front_drawn
 from eutree.cli._policies import (
-    Rival,
     against_option,
     beside,
+    controller,
     load_demonstrations,
     policy_file,
     seen_in,
+    set_against,
 )
 from eutree.cli.parts import cluster, workers_options
+from eutree.data import Demonstrations
 from eutree.display import counted
 from eutree.errors import EutreeError, InvalidArgumentError, shown
+from eutree.evaluation import evaluate
+from eutree.files import check_writable
+from eutree.interaction.making import make
+from eutree.policies import TreePolicy
 from eutree.schema import EnvironmentSpec
 
 if TYPE_CHECKING:
-    from eutree.arrays import Floats
     from eutree.compression import CompressionReport, RealEpisodes
     from eutree.compression.episodes import RoundingPlayed
     from eutree.compression.smaller_trees import Rounding
-    from eutree.data import Demonstrations
-    from eutree.policies import TreePolicy
     from eutree.world_model import Transitions
 
 _FIGURES = """
@@ -116,9 +120,6 @@ def compress(
 ) -> Result:
     """Make the tree of SOURCE, a run folder or a policy file, smaller; report the changes."""
     from eutree.compression import ImaginedEpisodes, RealEpisodes, compress_monotone
-    from eutree.evaluation import evaluate
-    from eutree.files import check_writable
-    from eutree.policies import TreePolicy
     from eutree.training.many import folder_of_winner
 
     rounding = _rounding(round_thresholds)
@@ -126,10 +127,9 @@ def compress(
         source = folder_of_winner(source)
     policy = TreePolicy.load(source / "policy.json" if source.is_dir() else policy_file(source))
     plays = options["mode"] == "auto" and options["max_disagreement"] is None and not imagined
-    rival = None
+    real, unplayed, rival = None, "", None
     if against is not None:
-        rival = Rival(against, _where(source, policy, env_arguments))
-    real, unplayed = None, ""
+        rival = controller(against, "--against", _where(source, policy, env_arguments))
     if return_margin is not None or evaluates or env_arguments:
         spec = _where(source, policy, env_arguments)
         real = RealEpisodes(
@@ -158,7 +158,7 @@ def compress(
         if rival is not None:
             where, seed = _where(source, policy, env_arguments), options["seed"]
             mine = evaluate(small, where, episodes=episodes, seed=seed, n_jobs=n_jobs)
-            found = rival.follows(mine, seed=seed, n_jobs=n_jobs)
+            found = set_against(rival, where, mine, name=against, seed=seed, n_jobs=n_jobs)
     small.save(out)
     paths = _front_written(report, front)
     change = report.return_change
@@ -177,7 +177,7 @@ def compress(
     )
 
 
-def _where(source: Path, policy: "TreePolicy", arguments: dict[str, Any]) -> EnvironmentSpec:
+def _where(source: Path, policy: TreePolicy, arguments: dict[str, Any]) -> EnvironmentSpec:
     """Return the environment of a policy, some of its arguments replaced."""
     if policy.environment is None:
         raise InvalidArgumentError(
@@ -187,9 +187,7 @@ def _where(source: Path, policy: "TreePolicy", arguments: dict[str, Any]) -> Env
     return policy.environment.override(arguments)
 
 
-def _observations(
-    source: Path, demos: Path | None, policy: "TreePolicy", *, needed: bool
-) -> "Floats":
+def _observations(source: Path, demos: Path | None, policy: TreePolicy, *, needed: bool) -> Floats:
     """Return the recorded observations; none where none were and the tree's own episodes do."""
     from eutree.training import stored_observations
 
@@ -219,7 +217,7 @@ def _front_written(report: "CompressionReport", folder: Path | None) -> list[str
 
 
 def _experience(
-    source: Path, demos: Path | None, policy: "TreePolicy"
+    source: Path, demos: Path | None, policy: TreePolicy
 ) -> "Transitions | Demonstrations":
     """Return the experience to which a world model is fitted."""
     from eutree.training import stored_transitions
@@ -263,12 +261,12 @@ def _in_words(report: "CompressionReport", n_rows: int) -> str:
         before, after = report.imagined
         words += f"; imagined to earn {before:.2f} before, {after:.2f} after"
     if report.return_change is not None:
-        low, high = report.return_change.interval
+        change = report.return_change
         words += (
             f"; mean return {report.mean_return_before:.2f} before, "
-            f"{report.mean_return_after:.2f} after, a change in [{low:.2f}, {high:.2f}] "
-            f"on {report.return_change.n} fresh episodes, {report.environment_steps} "
-            f"environment steps in all{_condition(report)}"
+            f"{report.mean_return_after:.2f} after, a change in {change.interval:.2f} "
+            f"on {change.n} fresh episodes, {report.environment_steps} environment steps in all"
+            f"{_condition(report)}"
         )
     if report.rounding is not None:
         words += f"; {_played(report.rounding)}"
@@ -276,14 +274,13 @@ def _in_words(report: "CompressionReport", n_rows: int) -> str:
 
 
 def _where_trees_play(
-    policy: "TreePolicy",
+    policy: TreePolicy,
     episodes: int,
     n_jobs: int | None,
     return_range: tuple[float, float] | None,
 ) -> "tuple[RealEpisodes | None, str]":
     """Return where trees are played; or None, and why they are not."""
     from eutree.compression import RealEpisodes
-    from eutree.interaction.making import make
 
     spec = policy.environment
     if spec is None:

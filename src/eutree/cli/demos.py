@@ -1,9 +1,9 @@
 """``eutree demos``: look at demonstrations, edit them, check them, exchange them."""
 
-from collections.abc import Callable
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any
 
 import click
 
@@ -11,14 +11,19 @@ from eutree.cli import _options as option
 from eutree.cli._options import Helped, ResultCommand, Written
 from eutree.cli._output import Result, figures_of
 from eutree.cli.fit import hurting
+from eutree.data import DemonstrationFolder, Demonstrations, Episode, LogFormat
+from eutree.data.episode import DROPPED
+from eutree.data.log_format import seconds_of
 from eutree.display import counted
 from eutree.errors import InvalidArgumentError
+from eutree.files import check_writable, write_text
+from eutree.interaction import GuardedEnv
+from eutree.interaction.episode import environment_for
+from eutree.interaction.episode import replay as replay_all
+from eutree.interaction.making import make
+from eutree.interaction.names import Names, given_names
+from eutree.schema import EnvironmentSpec
 from eutree.trees.text import labelled
-
-if TYPE_CHECKING:
-    from eutree.data import DemonstrationFolder, Demonstrations, Episode
-
-_Command = TypeVar("_Command", bound=Callable[..., Any])
 
 _KINDS = "minari:ID, or a file ending in .csv or .npz"
 
@@ -32,19 +37,15 @@ demos.add_command(hurting)
 demos.command_class = ResultCommand
 
 
-def _folder(command: _Command) -> _Command:
-    return click.argument("folder", type=click.Path(path_type=Path))(command)
-
-
-def _numbers(command: _Command) -> _Command:
-    return click.argument("numbers", type=int, nargs=-1, required=True)(command)
+_folder = click.argument("folder", type=click.Path(path_type=Path))
+_numbers = click.argument("numbers", type=int, nargs=-1, required=True)
 
 
 @demos.command("list", epilog="Example: eutree demos list demos/")
 @_folder
 def list_(folder: Path) -> Result:
     """List the episodes of FOLDER with result, length and return."""
-    opened = _open(folder)
+    opened = DemonstrationFolder(folder)
     rows = opened.read_all()
     return Result(
         {
@@ -115,8 +116,6 @@ def trim(folder: Path, number: int, steps: int) -> Result:
 @click.argument("names", type=click.Path(path_type=Path))
 def rename(folder: Path, names: Path) -> Result:
     """Name the features and actions of FOLDER by the file NAMES, which is as for --names."""
-    from eutree.interaction.names import Names
-
     opened = _open_to_edit(folder)
     opened.rename(Names.load(names).of(opened.schema))
     said = {
@@ -133,7 +132,7 @@ def rename(folder: Path, names: Path) -> Result:
 @click.option("--window", is_flag=True, help="Run it again and show it in a window.")
 def replay(folder: Path, number: int, window: bool) -> Result:
     """Show the episode NUMBER of FOLDER step by step."""
-    opened = _open(folder)
+    opened = DemonstrationFolder(folder)
     episode = opened.read_all().get(number)
     if episode is None:
         raise InvalidArgumentError(f"{folder} has no episode {number}")
@@ -174,15 +173,9 @@ def check(folder: Path, environment: str | None, env_arguments: dict[str, Any]) 
 
     The exit code is 0 if all are equal and 1 if one is not.
     """
-    from eutree.interaction.episode import replay as replay_all
-    from eutree.interaction.making import make
-    from eutree.schema import EnvironmentSpec
-
-    opened = _open(folder)
-    episodes = _some(opened)
+    recorded, numbers = _all_of(folder)
     env = None if environment is None else make(EnvironmentSpec(environment, env_arguments))
-    results = replay_all(_demonstrations(opened, episodes), env)
-    numbers = list(episodes)
+    results = replay_all(recorded, env)
     bad = [result for result in results if not result.is_equal]
     lines = [f"episode {numbers[result.episode]}: {result.problem}" for result in bad]
     lines.append(f"{len(results) - len(bad)} of {len(results)} episodes are equal bit for bit")
@@ -204,9 +197,7 @@ def check(folder: Path, environment: str | None, env_arguments: dict[str, Any]) 
 @option.output("--out", text="A new folder.", required=True)
 def merge(folders: tuple[Path, ...], out: Path) -> Result:
     """Put the episodes of several FOLDERS of one environment into a new folder."""
-    from eutree.data import Demonstrations
-
-    opened = [_open(folder) for folder in folders]
+    opened = [DemonstrationFolder(folder) for folder in folders]
     for other in opened[1:]:
         opened[0].check_same(other.schema, other.environment)
     episodes = tuple(e for folder in opened for e in folder.read_all().values())
@@ -221,14 +212,11 @@ def merge(folders: tuple[Path, ...], out: Path) -> Result:
 @option.output("--html", text="Write the summary as a page, too.")
 def stats(folder: Path, html: Path | None) -> Result:
     """Say how well FOLDER does the task, and whether more would help."""
-    from eutree.files import check_writable, write_text
     from eutree.report import demonstration_figures, demonstrations_page
 
-    opened = _open(folder)
-    episodes = _some(opened)
+    shown, numbers = _all_of(folder)
     if html is not None:
         check_writable(html)
-    shown, numbers = _demonstrations(opened, episodes), list(episodes)
     figures = demonstration_figures(shown)
     values, said = figures.values(), figures.words()
     if html is not None:
@@ -269,9 +257,6 @@ def import_(
     source: str,
     out: Path,
     environment: str | None,
-    episode_column: str | None,
-    action_column: str | None,
-    reward_column: str | None,
     delimiter: str | None,
     episode_gap: str | None,
     actions: str | None,
@@ -288,12 +273,8 @@ def import_(
     the last action is left out. A machine's log without marks of episodes is read by --time, or as
     --one-episode.
     """
-    from eutree.data import Demonstrations, LogFormat
-    from eutree.data.log_format import seconds_of
-    from eutree.interaction.names import given_names
-
     kind = _kind("SOURCE", source)
-    named = {"episode": episode_column, "action": action_column, "reward": reward_column}
+    named = {name: log.pop(f"{name}_column") for name in ("episode", "action", "reward")}
     columns = {name: column for name, column in named.items() if column is not None}
     log_format = LogFormat(
         episode_gap=None if episode_gap is None else seconds_of(episode_gap),
@@ -337,44 +318,32 @@ def export(folder: Path, target: str) -> Result:
     it is registered, by Gymnasium itself or by the module of --import.
     """
     kind = _kind("TARGET", target)
-    opened = _open(folder)
-    demonstrations = _demonstrations(opened, _some(opened))
+    demonstrations, _ = _all_of(folder)
     write = {"minari": demonstrations.to_minari, "csv": demonstrations.to_csv}
     write.get(kind, demonstrations.to_npz)(target.removeprefix("minari:"))
     return _written(demonstrations, target)
 
 
-def _open(folder: Path) -> "DemonstrationFolder":
-    from eutree.data import DemonstrationFolder
-
-    return DemonstrationFolder(folder)
-
-
-def _open_to_edit(folder: Path) -> "DemonstrationFolder":
+def _open_to_edit(folder: Path) -> DemonstrationFolder:
     """Open a folder, and first turn the journals of dead recorders into episodes."""
-    opened = _open(folder)
+    opened = DemonstrationFolder(folder)
     opened.recover()
     return opened
 
 
-def _some(folder: "DemonstrationFolder") -> "dict[int, Episode]":
-    episodes = folder.read_all()
+def _all_of(folder: Path) -> tuple[Demonstrations, list[int]]:
+    """Return the episodes of a folder, at least one, and the number of each."""
+    opened = DemonstrationFolder(folder)
+    episodes = opened.read_all()
     if not episodes:
         raise InvalidArgumentError(
-            f"{folder.path} holds no episodes yet; record some: eutree record ENV --out "
-            f"{folder.path}"
+            f"{folder} holds no episodes yet; record some: eutree record ENV --out {folder}"
         )
-    return episodes
+    return _demonstrations(opened, tuple(episodes.values())), list(episodes)
 
 
-def _demonstrations(
-    folder: "DemonstrationFolder", episodes: "dict[int, Episode]"
-) -> "Demonstrations":
-    from eutree.data import Demonstrations
-
-    return Demonstrations(
-        tuple(episodes.values()), folder.schema, folder.environment, folder.expert
-    )
+def _demonstrations(folder: DemonstrationFolder, episodes: tuple[Episode, ...]) -> Demonstrations:
+    return Demonstrations(episodes, folder.schema, folder.environment, folder.expert)
 
 
 def _kept(folder: Path, numbers: tuple[int, ...], comment: str | None, *, kept: bool) -> Result:
@@ -398,37 +367,27 @@ def _kind(argument: str, name: str) -> str:
 
 def _described(environment: str, arguments: dict[str, Any]) -> tuple[Any, Any]:
     """Return schema and spec of an environment."""
-    from eutree.interaction import GuardedEnv
-    from eutree.interaction.making import make
-    from eutree.schema import EnvironmentSpec
-
     guarded = GuardedEnv(make(EnvironmentSpec(environment, arguments)))
     guarded.env.close()
     return guarded.schema, guarded.spec
 
 
-def _show(folder: "DemonstrationFolder", episode: "Episode") -> None:
+def _show(folder: DemonstrationFolder, episode: Episode) -> None:
     """Run an episode again in a window."""
-    from eutree.interaction.episode import environment_for
-
-    env = environment_for(_demonstrations(folder, {0: episode}), render_mode="human")
-    try:
+    with closing(environment_for(_demonstrations(folder, (episode,)), render_mode="human")) as env:
         env.reset(seed=episode.seed)
         for action in episode.actions.tolist():
             env.step(action)
-    finally:
-        env.close()
 
 
-def _table(rows: "dict[int, Episode]", title: str) -> Any:
+def _table(rows: dict[int, Episode], title: str) -> Any:
     from rich.markup import escape
     from rich.table import Table
 
     table = Table(title=escape(title))
     for name in ("episode", "", "ending", "steps", "return", "seed", "comment"):
-        table.add_column(
-            name, justify="right" if name in ("episode", "steps", "return") else "left"
-        )
+        numbers = name in ("episode", "steps", "return")
+        table.add_column(name, justify="right" if numbers else "left")
     for number, episode in rows.items():
         table.add_row(
             str(number),
@@ -442,16 +401,12 @@ def _table(rows: "dict[int, Episode]", title: str) -> Any:
     return table
 
 
-def _written(demonstrations: "Demonstrations", path: str) -> Result:
-    from eutree.data.episode import DROPPED
-
+def _written(demonstrations: Demonstrations, path: str) -> Result:
     dropped = sum(DROPPED in episode.extras for episode in demonstrations.episodes)
-    said = ""
-    if dropped:
-        said = (
-            f"; the last action of {counted(dropped, 'episode')} is left out: nothing says what "
-            "it led to"
-        )
+    said = (
+        f"; the last action of {counted(dropped, 'episode')} is left out: nothing says what it led "
+        "to"
+    )
     return Result(
         {
             "episodes": len(demonstrations),
@@ -460,5 +415,6 @@ def _written(demonstrations: "Demonstrations", path: str) -> Result:
             "path": path,
         },
         f"{counted(len(demonstrations), 'episode')}, "
-        f"{counted(demonstrations.n_transitions, 'transition')}, written to {path}{said}",
+        f"{counted(demonstrations.n_transitions, 'transition')}, written to {path}"
+        f"{said if dropped else ''}",
     )

@@ -12,19 +12,21 @@ import click
 from eutree.cli import _options as option
 from eutree.cli._options import Helped, ResultCommand, line_with
 from eutree.cli._output import Result, figures_of, progress
-from eutree.cli._policies import OWN, controller, load_demonstrations, load_policy
+from eutree.cli._policies import OWN, check_fits, controller, load_demonstrations, load_policy
 from eutree.cli.parts import cluster, workers_options
+from eutree.data import DemonstrationFolder
 from eutree.display import counted
 from eutree.errors import InvalidArgumentError
+from eutree.evaluation import Evaluation
+from eutree.files import check_new_folder, check_writable
+from eutree.fitting import FitReport
+from eutree.interaction.acting import Controller
 from eutree.schema import EnvironmentSpec
 
 if TYPE_CHECKING:
     from eutree.c45 import C45Settings
-    from eutree.data import DemonstrationFolder
     from eutree.distillation import DistillationReport
-    from eutree.evaluation import Evaluation
-    from eutree.fitting import FitReport, Hurt
-    from eutree.interaction.acting import Controller
+    from eutree.fitting import Hurt
 
 
 @click.command(cls=Helped, epilog="Example: eutree fit demos/ --out expert.json")
@@ -75,7 +77,6 @@ def fit(
     Some trees are compared by episodes left out and by playing; --release-8, --min-objects,
     --confidence and --no-pruning fix how the one is made. Warnings name the faults of the result.
     """
-    from eutree.files import check_writable
     from eutree.fitting.fit import fit as fit_tree
 
     demos = load_demonstrations(demonstrations)
@@ -119,8 +120,6 @@ def hurting(
     the same episodes as the tree of all. The segments found are cut or flipped in --out alone;
     the actions taken stay there, each beside the action to be imitated.
     """
-    from eutree.data import DemonstrationFolder
-    from eutree.files import check_new_folder
     from eutree.fitting import find_hurting
 
     opened = DemonstrationFolder(folder)
@@ -151,7 +150,7 @@ def hurting(
     return Result(values, found.words(numbers) + end)
 
 
-def _restore(opened: "DemonstrationFolder") -> Result:
+def _restore(opened: DemonstrationFolder) -> Result:
     """Let every action of a folder be imitated as it was taken."""
     opened.recover()
     changed = []
@@ -185,7 +184,7 @@ def _hurt_as_values(one: "Hurt", numbers: list[int], actions: tuple[str, ...]) -
     }
 
 
-def _reached(result: "Evaluation") -> dict[str, Any]:
+def _reached(result: Evaluation) -> dict[str, Any]:
     return figures_of(result, "success_rate success_interval mean_return return_interval episodes")
 
 
@@ -202,7 +201,7 @@ def _settings(
     return C45Settings(**chosen, prune=not no_pruning)
 
 
-def _values(report: "FitReport", out: Path) -> dict[str, Any]:
+def _values(report: FitReport, out: Path) -> dict[str, Any]:
     person, played, found = report.person, report.played, report.verdict
     return {
         "n_leaves": report.policy.n_leaves,
@@ -263,7 +262,6 @@ def distill(
     """Make a small tree that decides in ENVIRONMENT as the teacher does."""
     from eutree.distillation import DistillationSettings
     from eutree.distillation import distill as distill_teacher
-    from eutree.files import check_writable
 
     spec = EnvironmentSpec(environment, env_arguments)
     teacher = _teacher(spec, expert, policy)
@@ -294,10 +292,8 @@ def distill(
     )
 
 
-def _teacher(spec: EnvironmentSpec, expert: str | None, policy: Path | None) -> "Controller":
+def _teacher(spec: EnvironmentSpec, expert: str | None, policy: Path | None) -> Controller:
     """Return the scripted expert or the policy that was named."""
-    from eutree.cli._policies import check_fits
-
     if expert is not None and policy is None:
         return controller(expert, "--expert", spec)
     if policy is None or expert is not None:
@@ -309,11 +305,10 @@ def _teacher(spec: EnvironmentSpec, expert: str | None, policy: Path | None) -> 
 
 def _distilled_in_words(report: "DistillationReport") -> str:
     chosen = report.rounds[report.best]
-    low, high = report.return_interval
     return (
         f"{counted(chosen.n_leaves, 'leaf')}, tree {report.best + 1} of "
         f"{len(report.rounds)}; the teacher's action on "
         f"{chosen.agreement:.2%} of {chosen.n_transitions} observations; mean return "
-        f"{chosen.mean_return:.2f} [{low:.2f}, {high:.2f}]; {report.environment_steps} "
+        f"{chosen.mean_return:.2f} {report.return_interval:.2f}; {report.environment_steps} "
         "environment steps in all"
     )

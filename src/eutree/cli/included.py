@@ -15,15 +15,17 @@ import click
 
 from eutree.cli import _options as option
 from eutree.cli._options import Helped, ResultCommand
-from eutree.cli._output import Result, figures_of, progress, say
+from eutree.cli._output import Result, progress, runs_as_values, say
 from eutree.errors import EutreeError
+from eutree.evaluation import Interval
+from eutree.parallel import Workers
 from eutree.schema import EnvironmentSpec
+from eutree.zoo import PREFIX, Card, card, cards
 
 if TYPE_CHECKING:
     from rich.console import Group
 
     from eutree.demo.page import DemoResult
-    from eutree.zoo import Card
 
 
 @click.command(cls=Helped, epilog="Example: eutree demo CartPole-v1 --expert fall")
@@ -70,15 +72,7 @@ def demo(
             "policies": [dict(zip(header, row, strict=True)) for row in rows],
             "against_start": result.judgement.facts(),
             "changed_steps": result.changes.visited,
-            "runs": [
-                {
-                    **figures_of(run, "seed n_leaves environment_steps"),
-                    **figures_of(run.selection, "mean_return success_rate"),
-                    "path": str(run.path),
-                    "winner": number == result.runs.winner,
-                }
-                for number, run in enumerate(result.runs.runs)
-            ],
+            "runs": runs_as_values(result.runs, "mean_return success_rate"),
         },
         _story(result),
     )
@@ -118,8 +112,6 @@ def zoo(task: str | None) -> Result:
     Each NAME can stand, as zoo:NAME, wherever a command takes a policy file; zoo:TASK is the
     smallest tree as good as the best.
     """
-    from eutree.zoo import PREFIX, card, cards
-
     name = (task or "").removeprefix(PREFIX)
     named = card(name) if task is not None else None
     shown = [one for one in cards() if named is None or one == named or one.task == name]
@@ -132,23 +124,23 @@ def zoo(task: str | None) -> Result:
 HEAD = "name                    leaves  return [95 %]              worst    steps  proven"
 
 
-def _lines(one: "Card", *, full: bool) -> Iterator[str]:
+def _lines(one: Card, *, full: bool) -> Iterator[str]:
     """Yield a tree's row and, in full, its proven properties and the sources that learned it."""
-    low, high = one.interval
-    returns = f"{one.mean_return:.1f} [{low:.1f}, {high:.1f}]"
+    returns = f"{one.mean_return:.1f} {Interval(*one.interval):.1f}"
     proven = "yes" if one.proven else ""
     yield (
         f"{one.name:<22}  {one.leaves:>6}  {returns:<24}  {one.worst:>6.1f}  {one.steps:>7,}"
         f"  {proven}"
     ).rstrip()
-    if full and one.proven:
+    if not full:
+        return
+    if one.proven:
         yield f"  proven: {one.proven}"
-    if full and one.extra:
+    if one.extra:
         yield f"  its task needs {one.extra}: pip install 'eutree[envs]'"
-    if full and one.module:
+    if one.module:
         yield f"  its task is an example of the repository: --import {one.module}"
-    if full:
-        yield f"  learned by: {one.command} ({one.commit}, {one.date})"
+    yield f"  learned by: {one.command} ({one.commit}, {one.date})"
 
 
 _TASK = "eutree/Evasion2-v0"
@@ -176,8 +168,6 @@ def warm_up(n_jobs: int) -> Result:
 
     The compiled loops are kept beside the package, or in the folder NUMBA_CACHE_DIR.
     """
-    from eutree.parallel import Workers
-
     begin = time.monotonic()
     with tempfile.TemporaryDirectory() as folder:
         record = ("record", _TASK, "--expert", "gate", "--episodes", "5")

@@ -20,6 +20,15 @@ from eutree.cli._policies import (
     seen_in,
 )
 from eutree.errors import InvalidArgumentError, UnknownNameError, shown
+from eutree.evaluation import evaluate
+from eutree.files import check_writable
+from eutree.inspection import diff as compare
+from eutree.inspection import edit as change
+from eutree.inspection import enforce, numbered
+from eutree.inspection import verify as verify_policy
+from eutree.inspection import why as explain
+from eutree.interaction.making import make
+from eutree.interaction.names import Names
 from eutree.trees.text import labelled
 
 
@@ -33,8 +42,6 @@ from eutree.trees.text import labelled
 @option.path("--demos", text="Demonstrations whose steps in the same leaf to name.")
 def why(policy: Path, observation: str, demos: Path | None) -> Result:
     """Say why POLICY decides as it does for an observation, and which change would alter it."""
-    from eutree.inspection import why as explain
-
     try:
         numbers = [float(part) for part in observation.split(",")]
     except ValueError:
@@ -81,8 +88,6 @@ def why(policy: Path, observation: str, demos: Path | None) -> Result:
 @option.path("--demos", text="Demonstrations: how many of their steps each change concerns.")
 def diff(first: Path, second: Path, demos: Path | None) -> Result:
     """Say where FIRST and SECOND, two policy files, decide differently, and how they are built."""
-    from eutree.inspection import diff as compare
-
     one, two = load_policy(first), load_policy(second)
     found = compare(one, two, observations=None if demos is None else seen_in(demos, one))
     names = one.schema.actions
@@ -126,7 +131,6 @@ def verify(
 
     The exit code is 0 if all are proven, 1 if one is refuted.
     """
-    from eutree.inspection import verify as verify_policy
     from eutree.training import stored_observations
 
     loaded = load_policy(policy)
@@ -208,13 +212,6 @@ def edit(
     seed: int,
 ) -> Result:
     """Change POLICY, a policy file, by hand; say how that changes its return."""
-    from eutree.evaluation import evaluate
-    from eutree.files import check_writable
-    from eutree.inspection import edit as change
-    from eutree.inspection import enforce, numbered
-    from eutree.interaction.making import make
-    from eutree.interaction.names import Names
-
     before = load_policy(policy, hand_edited=reseal)
     if reseal and out is None:
         if in_zoo(policy):

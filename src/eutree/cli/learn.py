@@ -30,11 +30,15 @@ from eutree.cli._policies import (
     policy_file,
 )
 from eutree.cli.parts import cluster, workers_options
+from eutree.data import Demonstrations
 from eutree.errors import EnvironmentFault, InvalidArgumentError
+from eutree.interaction.acting import trained_steps
+from eutree.interaction.making import MANNER, make
+from eutree.policies import TreePolicy
 from eutree.schema import EnvironmentSpec
+from eutree.zoo import card
 
 if TYPE_CHECKING:
-    from eutree.data import Demonstrations
     from eutree.training import LearningResult, Teacher
     from eutree.training.listeners import StopRequest
     from eutree.training.many import LearningRuns
@@ -160,8 +164,6 @@ def learn(
 
     Without ENVIRONMENT it is the one that the demonstrations, or else the settings, are of.
     """
-    from eutree.interaction.making import make
-    from eutree.policies import TreePolicy
     from eutree.proof import load_certificate
     from eutree.training import learn as learn_policy
     from eutree.training.listeners import stop_on_signals
@@ -221,7 +223,6 @@ def _named(result: "_Result", rival: str | None) -> "_Result":
 
 def _teacher(name: str | None, steps: int | None, spec: EnvironmentSpec | None) -> "Teacher | None":
     """Return the policy file or the scripted expert that was named as teacher."""
-    from eutree.interaction.acting import trained_steps
     from eutree.training import Teacher
 
     if name is None:
@@ -232,8 +233,6 @@ def _teacher(name: str | None, steps: int | None, spec: EnvironmentSpec | None) 
         raise InvalidArgumentError("--teacher needs an environment to act in; leave out --offline")
     teaches = controller(name, "--teacher", spec)
     if steps is None and in_zoo(name):
-        from eutree.zoo import card
-
         steps = card(name).steps
     if steps is None and Path(name).exists():
         raise InvalidArgumentError(
@@ -270,7 +269,7 @@ def _say_how_to_go_on(out: Path) -> bool:
 
 def _spec(
     environment: str | None,
-    demonstrations: "Demonstrations | None",
+    demonstrations: Demonstrations | None,
     arguments: dict[str, Any],
     of_run: RunSettings,
 ) -> EnvironmentSpec:
@@ -279,8 +278,6 @@ def _spec(
     How the named one is observed and acted in is taken from the demonstrations of it, or else from
     the usual arguments of the settings.
     """
-    from eutree.interaction.making import MANNER
-
     usual = of_run.arguments
     chosen = chosen_by_file(arguments) | (usual.keys() - arguments.keys())
     shown = demonstrations.environment if demonstrations is not None else None

@@ -1,20 +1,20 @@
 """How a policy does in its environment: ``eutree evaluate`` and ``prove``."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from eutree.cli import _options as option
 from eutree.cli._options import Helped
 from eutree.cli._output import Result, figures_of
-from eutree.cli._policies import Rival, against_option, check_fits, load_policy
+from eutree.cli._policies import against_option, check_fits, controller, load_policy, set_against
 from eutree.cli.parts import cluster, workers_options
 from eutree.errors import InvalidArgumentError
+from eutree.evaluation import evaluate as evaluate_policy
+from eutree.files import check_writable, write_text
+from eutree.policies import TreePolicy
 from eutree.schema import EnvironmentSpec
-
-if TYPE_CHECKING:
-    from eutree.policies import TreePolicy
 
 
 @click.command(cls=Helped, epilog="Example: eutree evaluate runs/a/policy.json --episodes 1000")
@@ -41,16 +41,14 @@ def evaluate(
     Intervals are of 95 %: Wilson's of the success rate, Student's of the mean return. One in
     twenty is the 5 % quantile of the returns.
     """
-    from eutree.evaluation import evaluate as evaluate_policy
-
     loaded = load_policy(policy)
     hint = f"eutree evaluate {policy} ENVIRONMENT"
     spec = _spec(loaded, policy, environment, env_arguments, hint)
     check_fits(loaded, policy, spec)
-    rival = None if against is None else Rival(against, spec)
+    rival = None if against is None else controller(against, "--against", spec)
     with cluster(backend, address):
         result = evaluate_policy(loaded, spec, episodes=episodes, seed=seed, n_jobs=n_jobs)
-        found = None if rival is None else rival.follows(result, seed=seed, n_jobs=n_jobs)
+        found = set_against(rival, spec, result, name=against, seed=seed, n_jobs=n_jobs)
     return Result(
         {
             **figures_of(result, "episodes success_rate success_interval mean_return"),
@@ -106,8 +104,6 @@ def prove(
 
     The exit code is 0 if it is proven, 1 if it is refuted, 3 if it is left undecided.
     """
-    from eutree.evaluation import evaluate as evaluate_policy
-    from eutree.files import check_writable, write_text
     from eutree.proof import plant_of, save_certificate
     from eutree.proof import prove as prove_policy
     from eutree.proof.sampling import Sampling, asked_of_episodes, certify_sample
@@ -137,7 +133,7 @@ def prove(
 
 
 def _spec(
-    policy: "TreePolicy", path: Path, environment: str | None, arguments: dict[str, Any], hint: str
+    policy: TreePolicy, path: Path, environment: str | None, arguments: dict[str, Any], hint: str
 ) -> EnvironmentSpec:
     """Return the environment that is named, or else the policy's own; the hint says how to."""
     if environment is not None:

@@ -20,6 +20,7 @@ from eutree.cli._options import count as count_option
 from eutree.cli._options import environment as env_arg_option
 from eutree.cli._options import output as output_option
 from eutree.cli._options import seed as seed_option
+from eutree.cli._options import together
 from eutree.cli._output import Output, ProgressLine
 from eutree.errors import InvalidArgumentError, MissingExtraError
 
@@ -40,30 +41,27 @@ def workers_options(of_what: str) -> Callable[[_Command], _Command]:
     Args:
         of_what: The work that is divided among the processes, for the help.
     """
-
-    def add(command: _Command) -> _Command:
-        jobs = click.option(
+    return together(
+        click.option(
             "--n-jobs",
             type=int,
             default=-1,
             show_default=True,
             help=f"Processes for {of_what}; -1 for all cores. The result does not depend on it.",
-        )
-        backend = click.option(
+        ),
+        click.option(
             "--backend",
             type=click.Choice(["loky", "dask", "ray"]),
             default="loky",
             show_default=True,
             help="What runs the processes: this machine (loky), or the cluster at --address.",
-        )
-        address = click.option(
+        ),
+        click.option(
             "--address",
             help="Scheduler of the cluster, or the file that --scheduler-file of dask wrote; "
             "auto for Ray on this machine. Without, this machine does the work.",
-        )
-        return jobs(backend(address(command)))
-
-    return add
+        ),
+    )
 
 
 @contextmanager

@@ -7,9 +7,10 @@ import sys
 import webbrowser
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -30,27 +31,21 @@ if TYPE_CHECKING:
     from eutree.recording.browser import PageServer
     from eutree.recording.tree_making import Guide, TreeMaker
 
-_Command = TypeVar("_Command", bound=Callable[..., Any])
 
 _REDIRECT = '<!doctype html><meta http-equiv="refresh" content="0;url={}">\n'
 
 
-def page_options(command: _Command) -> _Command:
-    """Add the options of a page on which a person records: keys, pace, address."""
-    for add in reversed((
-        click.option("--keys",
-                     help="What the keys mean: left=0,right=1,none=0 (numbers or names)."),
-        click.option("--hud", is_flag=True,
-                     help="Show the person the numbers that the agent senses."),
-        click.option("--fps", type=click.FloatRange(0, 240, min_open=True),
-                     help="Decisions per second; the environment's own pace if not given."),
-        click.option("--port", type=click.IntRange(0, 65535),
-                     help="Port of the page; 0 for any. Default: 8765 or the next."),
-        click.option("--host", default="127.0.0.1", show_default=True,
-                     help="Address of the page; others than this let other machines in."),
-    )):  # fmt: skip
-        command = add(command)
-    return command
+# Of a page on which a person records: keys, pace, address
+page_options = option.together(
+    click.option("--keys", help="What the keys mean: left=0,right=1,none=0 (numbers or names)."),
+    click.option("--hud", is_flag=True, help="Show the person the numbers that the agent senses."),
+    click.option("--fps", type=click.FloatRange(0, 240, min_open=True),
+                 help="Decisions per second; the environment's own pace if not given."),
+    click.option("--port", type=click.IntRange(0, 65535),
+                 help="Port of the page; 0 for any. Default: 8765 or the next."),
+    click.option("--host", default="127.0.0.1", show_default=True,
+                 help="Address of the page; others than this let other machines in."),
+)  # fmt: skip
 
 
 @click.command(cls=Helped, epilog="Example: eutree record eutree/Evasion2-v0 --out demos/")
@@ -254,7 +249,7 @@ def record_on_page(
                 "the address below can record. An SSH tunnel to 127.0.0.1 is safer."
             )
         output.say(f"open {server.url}")
-        if is_loopback(host) and not browser.open(server.url):
+        if is_loopback(host) and not opens(server.url):
             output.say(
                 f"from another machine, first: ssh -L {server.port}:127.0.0.1:{server.port} "
                 "THIS-MACHINE"
@@ -263,7 +258,7 @@ def record_on_page(
     place = shlex.quote(str(out))
     steps = (f"demos stats {place} --html demos.html", f"fit {place} --out expert.json",
              "show expert.json")  # fmt: skip
-    with opened_by() as browser:
+    with opened_by() as opens:
         record_in_browser(
             recorder,
             host=host,
@@ -276,41 +271,31 @@ def record_on_page(
 
 
 @contextmanager
-def opened_by() -> Iterator["Opener"]:
-    """Yield the opener of pages; its files are deleted at the end."""
-    with TemporaryDirectory(prefix="eutree-") as folder:
-        yield Opener(Path(folder))
-
-
-class Opener:
-    """Opens addresses where a person sits at this machine's own desktop.
+def opened_by() -> Iterator[Callable[[str], bool]]:
+    """Yield the opener of addresses on this desktop; its files are deleted at the end.
 
     An address with a token is no argument for another program: every user of the machine could
     read it. So the browser is handed a file that only this user can read, and that leads there.
-
-    Args:
-        folder: A folder that only this user can read.
     """
-
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
-
-    def open(self, url: str) -> bool:
-        """Open an address in a browser; return False where there is none, or nobody to see it."""
-        if not has_desktop():
-            return False
-        page = self._folder / "open.html"
-        write_text(page, _REDIRECT.format(html.escape(url)))
-        try:
-            browser = webbrowser.get()
-        except webbrowser.Error:
-            return False
-        if type(browser) is webbrowser.GenericBrowser:
-            return False  # one that lives in the terminal: it would wait to be left
-        return browser.open(page.as_uri())
+    with TemporaryDirectory(prefix="eutree-") as folder:
+        yield partial(_open, Path(folder) / "open.html")
 
 
-def has_desktop() -> bool:
+def _open(page: Path, url: str) -> bool:
+    """Open an address in a browser; return False where there is none, or nobody to see it."""
+    if not _has_desktop():
+        return False
+    write_text(page, _REDIRECT.format(html.escape(url)))
+    try:
+        browser = webbrowser.get()
+    except webbrowser.Error:
+        return False
+    if type(browser) is webbrowser.GenericBrowser:
+        return False  # one that lives in the terminal: it would wait to be left
+    return browser.open(page.as_uri())
+
+
+def _has_desktop() -> bool:
     """Return whether a person sits at a terminal on the desktop of this machine."""
     if not sys.stderr.isatty() or "SSH_CONNECTION" in os.environ:
         return False

@@ -21,15 +21,14 @@ from eutree.export import FORMATS, to_c_header, to_c_test
 from eutree.export import export as make
 from eutree.export.c import function_name
 from eutree.files import check_writable, write_bytes, write_text
-from eutree.trees.text import asked, definitions, printable
+from eutree.policies import TreePolicy
+from eutree.schema import EnvironmentSpec
+from eutree.trees.text import Digits, asked, definitions, printable
 
 if TYPE_CHECKING:
     from rich.text import Text
 
-    from eutree.policies import TreePolicy
     from eutree.report import WatchedEpisode
-    from eutree.schema import EnvironmentSpec
-    from eutree.trees.text import Digits
 
 # Names of terminal colours, so that each terminal's own theme keeps them readable.
 _COLOURS = ("yellow", "cyan", "green", "magenta", "blue", "red")
@@ -108,7 +107,7 @@ def show(
 
 
 def _watched(
-    policy: "TreePolicy", spec: "EnvironmentSpec | None", *, episodes: int, seed: int
+    policy: TreePolicy, spec: EnvironmentSpec | None, *, episodes: int, seed: int
 ) -> "list[WatchedEpisode]":
     """Return the episodes that the page plays."""
     from eutree.report.watching import watch_if_possible
@@ -125,11 +124,9 @@ def _watched(
     return watched
 
 
-def drawn(policy: "TreePolicy") -> "Text":
+def drawn(policy: TreePolicy) -> "Text":
     """Return the tree as branches of a terminal: tests in words, leaves coloured by action."""
     from rich.text import Text
-
-    from eutree.trees.text import Digits
 
     tree = policy.tree
     name = str(policy.environment or "")
@@ -150,7 +147,7 @@ def drawn(policy: "TreePolicy") -> "Text":
     return Text("\n").join(lines)
 
 
-def _words(policy: "TreePolicy", node: int, digits: "Digits") -> "Text":
+def _words(policy: TreePolicy, node: int, digits: Digits) -> "Text":
     """Return the test of an inner node, or the action of a leaf with its share of the visits."""
     from rich.text import Text
 
@@ -241,7 +238,7 @@ def export(
     return Result(values | {"n_leaves": loaded.n_leaves}, f"written to {', '.join(written)}")
 
 
-def _with_certificate(content: str | bytes, name: str, path: Path, policy: "TreePolicy") -> str:
+def _with_certificate(content: str | bytes, name: str, path: Path, policy: TreePolicy) -> str:
     """Return an export with the sentence of its policy's certificate as a comment on top.
 
     Raises:

@@ -297,8 +297,7 @@ def _percent(share: float) -> str:
 
 
 def _measured(result: DemoResult) -> str:
-    low, high = result.judgement.return_interval
-    gain = f"{result.judgement.return_change:+.1f} [{low:.1f}, {high:.1f}]"
+    gain = f"{result.judgement.return_change:+.1f} {result.judgement.return_interval:.1f}"
     same = "every decision the same" if result.judgement.is_start else f"return {gain}"
     return (
         f"On {result.after.episodes:,} fresh episodes that chose nothing, the same for all "
@@ -309,10 +308,9 @@ def _measured(result: DemoResult) -> str:
 def _figures(evaluation: Evaluation) -> tuple[str, str]:
     """Return the figure of a policy and its interval: success, or else the return."""
     if evaluation.success_rate is None or evaluation.success_interval is None:
-        low, high = evaluation.return_interval
-        return f"{evaluation.mean_return:.1f}", f"[{low:.1f}, {high:.1f}]"
-    least, most = evaluation.success_interval
-    return _percent(evaluation.success_rate), f"[{100 * least:.1f}, {100 * most:.1f}]"
+        return f"{evaluation.mean_return:.1f}", f"{evaluation.return_interval:.1f}"
+    percent = Interval(*(100 * end for end in evaluation.success_interval))
+    return _percent(evaluation.success_rate), f"{percent:.1f}"
 
 
 def _stages(result: DemoResult) -> list[Headline]:
@@ -401,13 +399,11 @@ def _titles(success: bool) -> list[str]:
 
 
 def _cells(evaluation: Evaluation, success: bool) -> list[str]:
-    low, high = evaluation.return_interval
     cells = [
-        f"{evaluation.mean_return:.1f} [{low:.1f}, {high:.1f}]",
+        f"{evaluation.mean_return:.1f} {evaluation.return_interval:.1f}",
         f"{evaluation.worst_return:.1f}; {evaluation.return_quantile_05:.1f}",
     ]
     if success and evaluation.success_interval is not None:
-        least, most = evaluation.success_interval
-        rate = evaluation.success_rate or 0.0
-        cells.append(f"{100 * rate:.1f} % [{100 * least:.1f}, {100 * most:.1f}]")
+        percent = Interval(*(100 * end for end in evaluation.success_interval))
+        cells.append(f"{100 * (evaluation.success_rate or 0.0):.1f} % {percent:.1f}")
     return cells

@@ -32,6 +32,10 @@ class Interval(NamedTuple):
     low: float
     high: float
 
+    def __format__(self, spec: str) -> str:
+        """Return it in brackets, both ends in one format: ``[0.12, 0.56]``."""
+        return f"[{self.low:{spec}}, {self.high:{spec}}]"
+
 
 @dataclass(frozen=True)
 class Estimate:
@@ -185,10 +189,9 @@ class Evaluation(Earned, Displayed):
         """Return the evaluation in one line, 95 % intervals in brackets; one episode has none."""
         interval, success = "", ""
         if self.episodes > 1:
-            interval = " [{:.2f}, {:.2f}]".format(*self.return_interval)
+            interval = f" {self.return_interval:.2f}"
         if self.success_rate is not None and self.success_interval is not None:
-            least, most = self.success_interval
-            success = f"success {self.success_rate:.1%} [{least:.1%}, {most:.1%}], "
+            success = f"success {self.success_rate:.1%} {self.success_interval:.1%}, "
         leaves = "" if self.n_leaves is None else f", {counted(self.n_leaves, 'leaf')}"
         return (
             f"{counted(self.episodes, 'episode')}: {success}mean return {self.mean_return:.2f}"
@@ -337,11 +340,10 @@ class Against:
 
     def describe(self, name: str) -> str:
         """Return it in words; ``name`` is the other policy's."""
-        low, high = self.return_interval
-        words = f"return {self.return_change:+.2f} [{low:.2f}, {high:.2f}]"
+        words = f"return {self.return_change:+.2f} {self.return_interval:.2f}"
         if self.success_change is not None and self.success_interval is not None:
-            low, high = (100 * end for end in self.success_interval)
-            words += f", success {100 * self.success_change:+.1f} % [{low:.1f}, {high:.1f}]"
+            percent = Interval(*(100 * end for end in self.success_interval))
+            words += f", success {100 * self.success_change:+.1f} % {percent:.1f}"
         words += (
             f" against {name}: better in {self.better} of {counted(self.episodes, 'episode')}, "
             f"worse in {self.worse}"

@@ -298,6 +298,5 @@ def _changed(larger: FrontEntry, one: FrontEntry) -> str:
 
 
 def _earned(one: FrontEntry) -> str:
-    low, high = one.return_interval
     success = "" if one.success_rate is None else f"{one.success_rate:.1%} success, "
-    return f"{success}return {one.mean_return:.2f} [{low:.2f}, {high:.2f}]"
+    return f"{success}return {one.mean_return:.2f} {one.return_interval:.2f}"
