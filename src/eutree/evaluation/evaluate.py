@@ -227,14 +227,7 @@ def _one_by_one(
     guarded = GuardedEnv(env)
     guarded.episode += first  # a fault is to name the episode by its number
     run = [run_episode(guarded, policy, seed) for seed in seeds]
-    successes = [episode.is_success for episode in run if episode.is_success is not None]
-    return Evaluation(
-        returns=np.array([episode.undiscounted_return for episode in run]),
-        lengths=np.array([len(episode) for episode in run]),
-        endings=np.array([episode.ending for episode in run]),
-        successes=np.array(successes) if len(successes) == len(run) else None,
-        n_leaves=getattr(policy, "n_leaves", None),
-    )
+    return Evaluation.of(run, getattr(policy, "n_leaves", None))
 
 
 def vector_form(env: gymnasium.Env[Any, Any]) -> MakeVector | None:

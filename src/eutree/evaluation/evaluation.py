@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from eutree.arrays import Booleans, Floats, Integers, frozen
 from eutree.contests import bounds_of_change
+from eutree.data import Episode
 from eutree.display import Displayed, counted
 from eutree.errors import InvalidArgumentError
 from eutree.validation import check_integer, check_number, check_vector, data_frame
@@ -180,6 +181,18 @@ class Evaluation(Earned, Displayed):
             raise InvalidArgumentError(
                 f"an evaluation must have vectors of one size >= 1, got shapes {sorted(sizes)}"
             )
+
+    @classmethod
+    def of(cls, played: Sequence[Episode], n_leaves: int | None = None) -> "Evaluation":
+        """Return the evaluation of recorded episodes, at least one."""
+        successes = [episode.is_success for episode in played]
+        return cls(
+            returns=np.array([episode.undiscounted_return for episode in played]),
+            lengths=np.array([len(episode) for episode in played]),
+            endings=np.array([episode.ending or "" for episode in played]),
+            successes=None if None in successes else np.array(successes),
+            n_leaves=n_leaves,
+        )
 
     def __repr__(self) -> str:
         """Return the evaluation in one line; the numbers themselves would be a page."""

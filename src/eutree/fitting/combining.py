@@ -21,11 +21,11 @@ import numpy as np
 
 from eutree.arrays import Booleans, Floats, Integers
 from eutree.c45 import C45Settings, best_reductions, grow
-from eutree.contests import SmallestWithin, hold, new_table
+from eutree.contests import SmallestWithin
 from eutree.data import Demonstrations, derive
 from eutree.data.demonstrations import taught_in
 from eutree.data.episode import CUT
-from eutree.fitting.playing import Played, Player, Progress
+from eutree.fitting.playing import Player, Progress, contest
 from eutree.fitting.report import CLEARLY_SHORTER, Proposal
 from eutree.formulas import in_formula, parse
 from eutree.interaction.deriving import acting_as
@@ -142,16 +142,9 @@ def confirm(
     """Return proposals with how their trees play and whether to take them; and all episodes.
 
     Taken are as many of the first as the smallest tree has that plays within a standard error of
-    the best, which is confirmed by other episodes (``eutree.contests.SmallestWithin``).
-
-    Args:
-        proposals: The proposals, at least one.
-        demonstrations: The demonstrations from which a tree is fitted.
-        env: Where to play; None takes all proposals.
-        settings: The choices of C4.5.
-        episodes: Fresh episodes that the choice takes of each tree; a confirmation takes as many.
-        seed: Seed of the episodes.
-        on_progress: Told after each episode.
+    the best, which is confirmed by other episodes (``eutree.contests.SmallestWithin``): each tree
+    plays so many fresh episodes for the choice, and for a confirmation as many. Without an
+    environment all are taken. There must be at least one.
     """
     if env is None:
         return tuple(replace(one, taken=True) for one in proposals), 0
@@ -159,17 +152,10 @@ def confirm(
     known = [derive(demonstrations, declared[:k]) for k in range(len(declared) + 1)]
     trees = [fit_expert_tree(one, settings=settings) for one in known]
     players = [Player(acting_as(env, one), seed, on_progress) for one in known]
-    plays: dict[int, Played] = {}
-
-    def run(tree: int, starts: Sequence[int]) -> Floats:
-        more = players[tree].play(trees[tree], len(starts), PROPOSING, first=starts[0])
-        plays[tree] = plays[tree].followed_by(more) if tree in plays else more
-        return more.worths
-
     for player in players:
         player.begin("choosing features", len(trees) * episodes)
     rule = SmallestWithin(sizes=tuple(tree.n_leaves for tree in trees), episodes=episodes)
-    winner = hold(rule, new_table(len(trees), rule.most), run).winner
+    winner, plays = contest(rule, list(zip(players, trees, strict=True)), PROPOSING)
     n = min(len(played.episodes) for played in plays.values())
     means = [float(plays[k].evaluation.returns[:n].mean()) for k in range(len(trees))]
     told = [

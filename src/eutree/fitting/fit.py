@@ -51,12 +51,8 @@ MOST_REPAIR_PLAYS = MOST_REPAIRS * (3 * BLAMED_LEAVES + 1 + 4)
 def race(found: list[FittedTree], player: Player, budget: int) -> tuple[FittedTree, Played]:
     """Return the winner and its episodes: the worse half drops out after each round.
 
-    All play the same episodes, in each round as many more as they have played. The first wins ties.
-
-    Args:
-        found: The trees, at least one.
-        player: Plays their episodes.
-        budget: Episodes of all of them together.
+    All play the same episodes, in each round as many more as they have played, ``budget`` of all
+    of them together. The first wins ties.
     """
     rule = Halving.within(budget, len(found))
     winner, played = player.contest(rule, [entry.policy for entry in found], RACING)
@@ -73,16 +69,9 @@ def mend(
 ) -> tuple[FittedTree, Played]:
     """Return the tree, repaired leaf by leaf as long as it falls short of the person.
 
-    Each repair plays the same new block as the tree that it is made of; the best one is taken if
-    it does better there and again on another block, twice as long.
-
-    Args:
-        fitted: The tree to repair.
-        played: Its episodes.
-        demonstrations: The demonstrations from which it is made.
-        player: Plays the repaired trees.
-        budget: Episodes in which each of them is tried.
-        kept: Makes a repaired tree keep the rules that were asked for.
+    Each repair plays the same new block of ``budget`` episodes as the tree that it is made of; the
+    best one is taken if it does better there and again on another block, twice as long. ``kept``
+    makes a repaired tree keep the rules that were asked for.
     """
     person = Person.of(demonstrations)
     for number in range(MOST_REPAIRS):
@@ -194,8 +183,9 @@ def fit(
         keeps = _Keeping(demonstrations, check_listed("monotone", monotone))
         found = [keeps.kept(one) for one in found]
         if world is None:
-            notes = [f"The tree was not played: {missing}"] if missing else []
-            report = _report(best_left_out(found), None, demonstrations, found, notes)
+            report = _report(best_left_out(found), None, demonstrations, found)
+            if missing:
+                report = _noted(report, f"The tree was not played: {missing}")
         else:
             player = Player(world, seed, on_progress)
             fitting = _Fitting(demonstrations, player, keeps, episodes, seed)
@@ -216,8 +206,7 @@ class _Keeping:
         if not self.monotone:
             return fitted
         shown_there = shown_in(fitted.policy, self.demonstrations).astype(np.float64)
-        kept = self.keeping(fitted.policy, shown_there)
-        return fitted if kept is fitted.policy else replace(fitted, policy=kept)
+        return replace(fitted, policy=self.keeping(fitted.policy, shown_there))
 
     def keeping(self, policy: TreePolicy, weights: Floats | None = None) -> TreePolicy:
         """Return a policy that keeps the rules, by the worth of each action in each leaf."""
@@ -243,21 +232,21 @@ class _Fitting:
     def report(self, found: list[FittedTree], practise: int, *, repair: bool) -> FitReport:
         """Return the report of the best tree, after so many episodes of practice."""
         chosen, known = self.choose(found, repair=repair)
-        judged, demonstrations = self.judge(chosen), self.demonstrations
-        plays = known + judged.episodes
-        count = self.player.episodes
-        report = _report(chosen, judged, demonstrations, found, [], count)
-        report = replace(report, plays=plays)
+        self.player.begin("judging", self.episodes)
+        judged = self.player.play(chosen.policy, self.episodes, JUDGING)  # fresh ones
+        report = _report(chosen, judged, self.demonstrations, found)
+        count, plays = self.player.episodes, known + judged.episodes
+        report = replace(report, plays=plays, episodes_played=count)
         if not practise:
             return report
         better = self.practise(chosen, plays, practise)
         count = self.player.episodes + practise
         if better is None:
-            note = f"{practise} episodes of practice made nothing better of it."
-            warnings = (*report.warnings, note)
-            return replace(report, warnings=warnings, episodes_played=count, before_practice=report)
-        after = _report(*better, demonstrations, found, [], count)
-        return replace(after, before_practice=report, plays=better[1].episodes)
+            after = _noted(report, f"{practise} episodes of practice made nothing better of it.")
+        else:
+            after = _report(*better, self.demonstrations, found)
+            after = replace(after, plays=better[1].episodes)
+        return replace(after, before_practice=report, episodes_played=count)
 
     def choose(
         self, found: list[FittedTree], *, repair: bool
@@ -276,11 +265,6 @@ class _Fitting:
             chosen, played = mend(chosen, played, self.demonstrations, self.player, budget, kept)
         return chosen, played.episodes
 
-    def judge(self, chosen: FittedTree) -> Played:
-        """Return the fresh episodes of the tree."""
-        self.player.begin("judging", self.episodes)
-        return self.player.play(chosen.policy, self.episodes, JUDGING)
-
     def practise(
         self, chosen: FittedTree, known: tuple[Episode, ...], episodes: int
     ) -> tuple[FittedTree, Played] | None:
@@ -291,14 +275,9 @@ class _Fitting:
                 self.player.on_progress("practising", run.episode, episodes)
 
         challengers = learn_on(
-            chosen.policy,
-            self.demonstrations,
-            known,
-            self.player.world,
-            episodes=episodes,
-            seed=self.seed,
-            on_progress=tell,
-        )
+            chosen.policy, self.demonstrations, known, self.player.world,
+            episodes=episodes, seed=self.seed, on_progress=tell,
+        )  # fmt: skip
         self.player.begin("comparing", (1 + len(challengers)) * self.episodes)
         challengers = tuple(map(self.keeps.keeping, challengers))
         rule = Halving(first=self.episodes, most=self.episodes)
@@ -333,8 +312,6 @@ def _report(
     judged: Played | None,
     demonstrations: Demonstrations,
     found: list[FittedTree],
-    notes: list[str],
-    episodes_played: int = 0,
 ) -> FitReport:
     policy, person = chosen.policy, Person.of(demonstrations)
     warnings = [*about_demonstrations(demonstrations), *about_size(policy, demonstrations)]
@@ -355,9 +332,13 @@ def _report(
         person=person,
         played=None if judged is None else judged.evaluation,
         choice=str(chosen),
-        warnings=(*warnings, *notes),
+        warnings=tuple(warnings),
         n_transitions=demonstrations.n_transitions,
         training_accuracy=float((decided == actions).mean()),
         n_candidates=len(found),
-        episodes_played=episodes_played,
+        episodes_played=0,
     )
+
+
+def _noted(report: FitReport, note: str) -> FitReport:
+    return replace(report, warnings=(*report.warnings, note))

@@ -181,12 +181,7 @@ class Hurt:
     after: Evaluation | None
 
     def words(self, schema: Schema, numbers: Sequence[int]) -> str:
-        """Return the proposal in a few lines.
-
-        Args:
-            schema: Names of the actions.
-            numbers: The number of each episode in its folder.
-        """
+        """Return the proposal in a few lines; ``numbers`` are the episodes' in their folder."""
         steps = sum(one.stop - one.start for one in self.segments)
         episodes = len({one.episode for one in self.segments})
         which = f"{counted(steps, 'step')} of {counted(episodes, 'episode')}"
@@ -317,33 +312,20 @@ class _Games(Player):
         return run
 
 
+@dataclass(eq=False)
 class _Search:
-    """Looks for segments that hurt, again and again.
+    """Looks for segments that hurt, again and again."""
 
-    Args:
-        demonstrations: The episodes to search.
-        chosen: The tree to begin with, and how it was made.
-        games: Plays and counts the trees' episodes.
-        budget: Episodes that halve the trees of one round.
-        judged: Episodes that judge a tree.
-    """
-
-    def __init__(
-        self,
-        demonstrations: Demonstrations,
-        chosen: FittedTree,
-        games: _Games,
-        budget: int,
-        judged: int,
-    ) -> None:
-        self._settings, self._history = chosen.settings, chosen.policy.history
-        self._given, self._games = demonstrations, games
-        self._budget, self._judged = budget, judged
-        self._tried = 0
+    given: Demonstrations  # the episodes to search
+    chosen: FittedTree  # the tree to begin with, and how it was made
+    games: _Games
+    budget: int  # episodes that halve the trees of one round
+    judged: int  # episodes that judge a tree
+    tried: int = 0  # trees
 
     def run(self, most: int) -> Hurting:
         """Return the segments found, at most so many groups."""
-        known, games = self._given, self._games
+        known, games = self.given, self.games
         first = tree = self._tree(known)
         reached, found = self._judge(tree), list[Hurt]()
         while len(found) < most:
@@ -360,18 +342,19 @@ class _Search:
             reached = self._judge(tree)
             what = "flip" if (edit.becomes != CUT).all() else "cut"
             found.append(Hurt(what, segments, edit.why, before, reached))
-        return Hurting(self._given, known, tuple(found), first, tree, self._tried, games.episodes)
+        return Hurting(self.given, known, tuple(found), first, tree, self.tried, games.episodes)
 
     def _tree(self, known: Demonstrations) -> TreePolicy:
-        seen = known.with_history(self._history) if self._history else known
-        return replace(fit_expert_tree(seen, settings=self._settings), history=self._history)
+        history = self.chosen.policy.history
+        seen = known.with_history(history) if history else known
+        return replace(fit_expert_tree(seen, settings=self.chosen.settings), history=history)
 
     def _judge(self, tree: TreePolicy) -> Evaluation:
-        self._games.begin("judging", self._judged)
-        return self._games.figures(tree, JUDGING, self._judged)
+        self.games.begin("judging", self.judged)
+        return self.games.figures(tree, JUDGING, self.judged)
 
     def _guilty(self, tree: TreePolicy, played: Played) -> list[int]:
-        guilt = blame(played, played.failed(Person.of(self._given).mean_return))
+        guilt = blame(played, played.failed(Person.of(self.given).mean_return))
         order = np.argsort(-guilt, kind="stable")[:BLAMED_LEAVES]
         return [leaf for leaf in order.tolist() if guilt[leaf] > 0.0]
 
@@ -382,10 +365,10 @@ class _Search:
         trees = self._trees(known, tree, guilty)
         if not trees:
             return None
-        self._tried += len(trees)
-        games = self._games
-        games.begin("halving", self._budget)
-        left = games.best([one for _, one in trees], HALVING + number, self._budget, FINALISTS)
+        self.tried += len(trees)
+        games = self.games
+        games.begin("halving", self.budget)
+        left = games.best([one for _, one in trees], HALVING + number, self.budget, FINALISTS)
         games.begin("confirming", FINALISTS * 2 * MOST_PAIRS)
         for place, one in enumerate(left):
             block = CONFIRMING + FINALISTS * number + place
@@ -410,7 +393,7 @@ class _Search:
     def _edits(self, known: Demonstrations, tree: TreePolicy, guilty: list[int]) -> Iterator[Edit]:
         """Yield the edits to try: groups of like steps first, then single pieces and episodes."""
         steps = KeyRuns.of(known)
-        leaves = tree.tree.leaf_index(known.with_history(self._history).observations)
+        leaves = tree.tree.leaf_index(known.with_history(tree.history).observations)
         singles: list[tuple[Integers, str]] = []
         for leaf in guilty:
             inside, label = leaves == leaf, int(tree.actions[leaf])
@@ -446,13 +429,12 @@ class _Search:
         reached: Evaluation,
     ) -> Hurt | None:
         """Return the longest piece shown where the tree fails often, to be shown again."""
-        failed = played.failed(Person.of(self._given).mean_return)
+        failed = played.failed(Person.of(self.given).mean_return)
         if not guilty or failed.mean() <= OFTEN:
             return None
         steps = KeyRuns.of(known)
-        leaves = tree.tree.leaf_index(known.with_history(self._history).observations)
-        seeds = [episode.seed for episode in known.episodes]
-        can = np.array([seeds[k] is not None for k in steps.episode.tolist()])
+        leaves = tree.tree.leaf_index(known.with_history(tree.history).observations)
+        can = np.array([known.episodes[k].seed is not None for k in steps.episode.tolist()])
         for leaf in guilty:
             pieces = steps.pieces(np.flatnonzero((leaves == leaf) & (steps.taught != CUT) & can))
             if pieces:

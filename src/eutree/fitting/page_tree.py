@@ -4,7 +4,7 @@ import shlex
 from collections.abc import Callable
 from contextlib import closing, suppress
 from copy import copy
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -332,19 +332,19 @@ class _NobodyWaits(Exception):  # noqa: N818 - no error: the person has left
     """Ends work for which nobody waits."""
 
 
+@dataclass(frozen=True)
 class _Page:
     """Shows views as long as anybody waits for them, else raises ``_NobodyWaits``."""
 
-    def __init__(self, show: Show, stop: Callable[[], bool]) -> None:
-        self._show, self._stop = show, stop
+    show: Show
+    stop: Callable[[], bool]
 
     def __call__(self, view: TreeView) -> None:
         self.check()
-        self._show(view)
+        self.show(view)
 
     def check(self) -> None:
-        """Raise ``_NobodyWaits`` if nobody does."""
-        if self._stop():
+        if self.stop():
             raise _NobodyWaits
 
 

@@ -51,11 +51,7 @@ def smaller(
 ) -> list[FrontEntry]:
     """Return the best smaller tree of each size by playing, the largest first.
 
-    Args:
-        tree: The tree to make smaller.
-        observations: Recorded observations, shape [N, d], in its features.
-        env: Where trees play.
-        seed: Seed of the episodes.
+    The recorded ``observations`` [N, d] are in the features of the tree.
     """
     real = RealEpisodes(env, episodes=PLAYED, searches=True)
     _, report = compress(tree, observations, env=real, seed=seed)
@@ -72,12 +68,8 @@ def beside_each_other(
 ) -> dict[str, Any]:
     """Return a ``TreeView``'s fields on the ways and the changes by practice; none for one way.
 
-    Args:
-        ways: The trees to choose from, the tree of the person's way first.
-        kept: The tree that is chosen at present.
-        demonstrations: The episodes of the person.
-        env: Where it is counted how much a tree waits.
-        seed: Seed of these episodes.
+    The tree of the person's way comes first; ``kept`` is the tree that is chosen at present. Played
+    episodes, from ``seed`` on, say how much a tree waits.
     """
     if len(ways) < 2:
         return {}
@@ -123,12 +115,7 @@ STRIPS = 6  # that are looked at
 
 
 def hurt_views(found: "Hurting", numbers: Sequence[int]) -> tuple[HurtView, ...]:
-    """Return the segments found for the page.
-
-    Args:
-        found: The search for segments that hurt.
-        numbers: The number of each episode in its folder.
-    """
+    """Return the segments found for the page; ``numbers`` are the episodes' in their folder."""
     return tuple(_hurt_view(one, found.demonstrations, numbers) for one in found.hurts)
 
 

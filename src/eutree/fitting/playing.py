@@ -9,7 +9,7 @@ import numpy as np
 
 from eutree.arrays import Booleans, Floats, Integers
 from eutree.c45 import C45Settings, grow
-from eutree.contests import Halving, hold, new_table
+from eutree.contests import Halving, SmallestWithin, hold, new_table
 from eutree.data import Demonstrations, Episode
 from eutree.data.demonstrations import lessons
 from eutree.evaluation import Evaluation
@@ -35,14 +35,7 @@ class Played:
     @property
     def evaluation(self) -> Evaluation:
         """The same as figures."""
-        successes = [episode.is_success for episode in self.episodes]
-        return Evaluation(
-            returns=np.array([episode.undiscounted_return for episode in self.episodes]),
-            lengths=np.array([len(episode) for episode in self.episodes]),
-            endings=np.array([episode.ending for episode in self.episodes]),
-            successes=None if None in successes else np.array(successes),
-            n_leaves=self.policy.n_leaves,
-        )
+        return Evaluation.of(self.episodes, self.policy.n_leaves)
 
     @property
     def worths(self) -> Floats:
@@ -116,15 +109,23 @@ class Player:
 
     def contest(self, rule: Halving, trees: Sequence[TreePolicy], block: int) -> tuple[int, Played]:
         """Return the number of the winner, the first of equals, and its play."""
-        plays: dict[int, Played] = {}
-
-        def run(tree: int, starts: Sequence[int]) -> Floats:
-            more = self.play(trees[tree], len(starts), block, first=starts[0])
-            plays[tree] = plays[tree].followed_by(more) if tree in plays else more
-            return more.worths
-
-        winner = hold(rule, new_table(len(trees), rule.most), run).winner
+        winner, plays = contest(rule, [(self, tree) for tree in trees], block)
         return winner, plays[winner]
+
+
+def contest(
+    rule: Halving | SmallestWithin, entrants: Sequence[tuple[Player, TreePolicy]], block: int
+) -> tuple[int, dict[int, Played]]:
+    """Return the number of the winner, the first of equals, and the plays of those that played."""
+    plays: dict[int, Played] = {}
+
+    def run(tree: int, starts: Sequence[int]) -> Floats:
+        player, policy = entrants[tree]
+        more = player.play(policy, len(starts), block, first=starts[0])
+        plays[tree] = plays[tree].followed_by(more) if tree in plays else more
+        return more.worths
+
+    return hold(rule, new_table(len(entrants), rule.most), run).winner, plays
 
 
 # C4.5 takes the most frequent action of a leaf. A person who waits shows the waiting many times and
@@ -150,12 +151,8 @@ def shown_in(policy: TreePolicy, demonstrations: Demonstrations) -> Integers:
 def blame(played: Played, failed: Booleans) -> Floats:
     """Return how much each leaf has to do with failing, shape [L].
 
-    The share of the failed episodes in which it decided last, and by how much more of them than of
-    the others it decided in at all.
-
-    Args:
-        played: The episodes of the tree.
-        failed: Which of the episodes failed, shape [E].
+    The share of the ``failed`` episodes [E] in which it decided last, and by how much more of them
+    than of the others it decided in at all.
     """
     n_leaves = played.policy.n_leaves
     leaves = played.leaves()
@@ -279,10 +276,6 @@ def practise(
 
 def _recent(episodes: tuple[Episode, ...]) -> tuple[Episode, ...]:
     """Return the last episodes, of ``MOST_KNOWN`` steps at most."""
-    steps, kept = 0, []
-    for episode in reversed(episodes):
-        steps += len(episode)
-        if steps > MOST_KNOWN:
-            break
-        kept.append(episode)
-    return tuple(reversed(kept))
+    steps = np.cumsum([len(episode) for episode in reversed(episodes)])
+    first = len(episodes) - int(np.searchsorted(steps, MOST_KNOWN, side="right"))
+    return episodes[first:]

@@ -31,18 +31,7 @@ class Person:
     def of(cls, demonstrations: Demonstrations) -> "Person":
         """Return the result of the demonstrations."""
         ended = [episode for episode in demonstrations if episode.is_evidence]
-        if not ended:
-            return cls(None)
-        successes = [episode.is_success for episode in ended]
-        known = None if None in successes else np.array(successes, dtype=bool)
-        return cls(
-            Evaluation(
-                returns=np.array([episode.undiscounted_return for episode in ended]),
-                lengths=np.array([len(episode) for episode in ended]),
-                endings=np.array([episode.ending or "" for episode in ended]),
-                successes=known,
-            )
-        )
+        return cls(Evaluation.of(ended) if ended else None)
 
     @property
     def episodes(self) -> int:
