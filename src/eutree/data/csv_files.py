@@ -15,6 +15,8 @@ import math
 import re
 from array import array
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -138,21 +140,18 @@ def _renamed(found: list[str], own: Mapping[str, str], log: LogFormat) -> list[s
     return columns
 
 
+@dataclass(slots=True)
 class _EpisodeRows:
     """The rows of one episode so far, as numbers and not as text."""
 
-    __slots__ = ("actions", "ends", "has_rewards", "last_line", "last_row", "observations",
-                 "rewards")  # fmt: skip
-
-    def __init__(self) -> None:
-        self.observations = array("d")
-        self.actions = array("q")
-        self.rewards = array("d")
-        self.has_rewards = True
-        # Terminated and truncated after the last action but one, and after the last.
-        self.ends = ((False, False), (False, False))
-        self.last_line = 0
-        self.last_row: dict[str, str] = {}
+    observations: "array[float]" = field(default_factory=partial(array, "d"))
+    actions: "array[int]" = field(default_factory=partial(array, "q"))
+    rewards: "array[float]" = field(default_factory=partial(array, "d"))
+    has_rewards: bool = True
+    # Terminated and truncated after the last action but one, and after the last.
+    ends: tuple[tuple[bool, bool], tuple[bool, bool]] = ((False, False), (False, False))
+    last_line: int = 0
+    last_row: dict[str, str] = field(default_factory=dict)
 
 
 class _Table:

@@ -4,7 +4,7 @@ import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,14 +12,12 @@ from numpy.typing import ArrayLike
 from eutree.arrays import Floats, Integers
 from eutree.data.episode import CUT, TAUGHT, Episode, episodes_from_rows, schema_for
 from eutree.data.files import DemonstrationFolder, misfit, save_folder
+from eutree.data.log_format import LogFormat
 from eutree.display import Displayed, counted
 from eutree.errors import InvalidArgumentError, blamed
 from eutree.features import Derivation, FeatureMap
 from eutree.schema import EnvironmentSpec, Feature, Schema
 from eutree.validation import check_finite, check_kind, data_frame
-
-if TYPE_CHECKING:
-    from eutree.data.log_format import LogFormat
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,7 +242,7 @@ class Demonstrations(Displayed):
         environment: EnvironmentSpec | None = None,
         columns: Mapping[str, str] | None = None,
         delimiter: str | None = None,
-        log: "LogFormat | None" = None,
+        log: LogFormat | None = None,
     ) -> "Demonstrations":
         """Read a table with one row for each observation; see docs/formats.
 
@@ -287,10 +285,9 @@ class Demonstrations(Displayed):
         Args:
             dataset_id: Its id, ending in a version: ``eutree/evasion2/human-v0``.
         """
-        from eutree.data.minari_files import MinariContent, write_minari
+        from eutree.data.minari_files import write_minari
 
-        content = MinariContent(self.episodes, self.schema, self.environment, self.expert)
-        write_minari(dataset_id, content)
+        write_minari(dataset_id, (self.episodes, self.schema, self.environment, self.expert))
 
 
 def derive(demonstrations: Demonstrations, declarations: Sequence[str | Feature]) -> Demonstrations:

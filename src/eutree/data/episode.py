@@ -7,7 +7,7 @@ shifted.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -40,12 +40,8 @@ def allowed_in(episodes: "Iterable[Episode]") -> Booleans | None:
 
     None where nothing was masked.
     """
-    masks = [(episode.allowed, len(episode)) for episode in episodes]
-    known = next((rows for rows, _ in masks if rows is not None), None)
-    if known is None:
-        return None
-    every = np.ones((1, known.shape[1]), dtype=np.bool_)
-    return np.concatenate([every.repeat(n, 0) if rows is None else rows for rows, n in masks])
+    masks = [[None] * len(one) if one.allowed is None else one.allowed for one in episodes]
+    return masks_of([row for rows in masks for row in rows])
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,30 +190,22 @@ class Episode:
 
     def equals(self, other: "Episode") -> bool:
         """Return whether both are the same, arrays bit for bit."""
-        arrays = (
-            (self.observations, other.observations),
-            (self.actions, other.actions),
-            (self.rewards, other.rewards),
-            *((self.steps[name], other.steps.get(name, np.empty(0))) for name in self.steps),
-        )
-        plain = ("terminated", "truncated", "seed", "ending", "is_success", "kept", "comment",
-                 "has_rewards")  # fmt: skip
-        return (
-            all(getattr(self, name) == getattr(other, name) for name in plain)
-            and self.extras == other.extras
-            and set(self.steps) == set(other.steps)
-            and all(
-                mine.dtype == theirs.dtype
-                and mine.shape == theirs.shape
-                and mine.tobytes() == theirs.tobytes()
-                for mine, theirs in arrays
-            )
-        )
+        return self._parts() == other._parts()
+
+    def _parts(self) -> dict[str, Any]:
+        """Return the fields by name, arrays as type, shape and bytes."""
+        steps = {name: _bits(array) for name, array in self.steps.items()}
+        found = {one.name: getattr(self, one.name) for one in fields(self)} | {"steps": steps}
+        return {k: _bits(v) if isinstance(v, np.ndarray) else v for k, v in found.items()}
 
     def with_features(self, features: FeatureMap) -> "Episode":
         """Return the episode with the features of a map in place of its observations."""
         seen = features.of_episode(self.observations, self.actions)
         return replace(self, observations=seen)
+
+
+def _bits(array: NDArray[Any]) -> tuple[Any, ...]:
+    return array.dtype, array.shape, array.tobytes()
 
 
 MAX_NAMES = 10_000

@@ -36,6 +36,7 @@ from eutree.files.schema_document import (
 from eutree.schema import EnvironmentSpec, Schema
 from eutree.validation import check_finite
 
+_ARRAYS = {"observations": "<f8", "actions": "<i8", "rewards": "<f8"}
 _STEPS = "steps_"
 
 
@@ -67,11 +68,7 @@ def episode_to_bytes(episode: Episode) -> bytes:
     """
     check_finite("observations", episode.observations)
     check_finite("rewards", episode.rewards)
-    arrays: dict[str, NDArray[Any]] = {
-        "observations": episode.observations,
-        "actions": episode.actions,
-        "rewards": episode.rewards,
-    }
+    arrays = {name: getattr(episode, name) for name in _ARRAYS}
     arrays |= {_STEPS + name: array for name, array in episode.steps.items()}
     data = encode_archive(arrays, episode_document(episode))
     if len(data) > MAX_ARCHIVE:  # never write a file too large to read
@@ -93,14 +90,13 @@ def episode_from_bytes(data: bytes, path: str | Path) -> Episode:
         for name in sorted(arrays)
         if name.startswith(_STEPS)
     }
-    for name, element_type in {"observations": "<f8", "actions": "<i8", "rewards": "<f8"}.items():
+    for name, element_type in _ARRAYS.items():
         if name not in arrays:
             raise FormatError(path, f"{name}.npy", "missing")
         if arrays[name].dtype.str != element_type:
             reason = f"must hold {np.dtype(element_type)}, got {arrays[name].dtype}"
             raise FormatError(path, f"{name}.npy", reason)
-    if len(arrays) > 3:
-        unexpected = sorted(set(arrays) - {"observations", "actions", "rewards"})
+    if unexpected := sorted(arrays.keys() - _ARRAYS):
         raise FormatError(path, f"{unexpected[0]}.npy", "unexpected member")
     return episode_from_document(document, arrays, steps, path)
 
@@ -216,7 +212,7 @@ class DemonstrationFolder:
 
     def episode_path(self, number: int) -> Path:
         """Return the file of an episode."""
-        return self.path / f"episode-{number:05d}.npz"
+        return self.path / _name(number)
 
     def read(self, number: int) -> Episode:
         """Read one finished episode.
@@ -258,11 +254,7 @@ class DemonstrationFolder:
         problem = misfit(episode, self.schema)
         if problem:
             raise InvalidArgumentError(f"the episode {problem}")
-        try:
-            content = episode_to_bytes(episode)
-        except InvalidArgumentError as error:
-            raise InvalidArgumentError(f"episode {number}: {error}") from None
-        atomic.write_bytes(self.episode_path(number), content)
+        atomic.write_bytes(self.episode_path(number), _content(number, episode))
 
     def start_episode(
         self,
@@ -345,12 +337,19 @@ def save_folder(
 ) -> None:
     """Write a new folder of demonstrations, completely or not at all."""
     files = {HEADER: _header(schema, environment, expert)}
-    for number, episode in enumerate(episodes):
-        try:
-            files[f"episode-{number:05d}.npz"] = episode_to_bytes(episode)
-        except InvalidArgumentError as error:
-            raise InvalidArgumentError(f"episode {number}: {error}") from None
+    files |= {_name(number): _content(number, one) for number, one in enumerate(episodes)}
     atomic.write_folder(path, files)
+
+
+def _name(number: int) -> str:
+    return f"episode-{number:05d}.npz"
+
+
+def _content(number: int, episode: Episode) -> bytes:
+    try:
+        return episode_to_bytes(episode)
+    except InvalidArgumentError as error:
+        raise InvalidArgumentError(f"episode {number}: {error}") from None
 
 
 def _header(schema: Schema, environment: EnvironmentSpec | None, expert: str) -> bytes:

@@ -7,13 +7,12 @@ episodes without a step, are not exported.
 """
 
 import copy
-import json
 import re
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib import import_module
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,17 +43,11 @@ _ID = re.compile(r"(?:[-_\w]+/)*[-_\w]+-v\d+")
 _STEPS = "steps_"
 
 
-class MinariContent(NamedTuple):
-    """The content of a dataset, in the order of the fields of ``Demonstrations``."""
-
-    episodes: tuple[Episode, ...]
-    schema: Schema
-    environment: EnvironmentSpec | None
-    expert: str
+_Content = tuple[tuple[Episode, ...], Schema, EnvironmentSpec | None, str]
 
 
-def read_minari(dataset_id: str) -> MinariContent:
-    """Return the content of a dataset in Minari's local folder.
+def read_minari(dataset_id: str) -> _Content:
+    """Return the fields of the ``Demonstrations`` in Minari's local folder, in their order.
 
     Raises:
         FileError: There is no such dataset; it can be fetched with ``minari download``.
@@ -80,10 +73,10 @@ def read_minari(dataset_id: str) -> MinariContent:
             _episode(data, note, action_space["start"], f"{name} episode {number}")
             for number, (data, note) in enumerate(pairs)
         )
-    return MinariContent(episodes, schema, environment, expert)
+    return episodes, schema, environment, expert
 
 
-def write_minari(dataset_id: str, content: MinariContent) -> None:
+def write_minari(dataset_id: str, content: _Content) -> None:
     """Write a new dataset into Minari's local folder.
 
     With it goes the environment, for ``recover_environment``. Where it is not registered, or cannot
@@ -91,31 +84,33 @@ def write_minari(dataset_id: str, content: MinariContent) -> None:
 
     Args:
         dataset_id: Its id, ending in a version: ``eutree/evasion2/human-v0``.
-        content: The demonstrations to write.
+        content: The fields of the ``Demonstrations`` to write.
 
     Raises:
         FileError: The dataset exists, or cannot be written.
         MissingExtraError: Minari is not installed.
     """
     minari, name = _minari(), f"minari:{_checked_id(dataset_id)}"
-    episodes = [episode for episode in content.episodes if episode.kept and len(episode)]
+    recorded, schema, environment, expert = content
+    episodes = [episode for episode in recorded if episode.kept and len(episode)]
     if not episodes:
         raise InvalidArgumentError(f"cannot write {name}: there is no kept episode with a step")
     buffers = [_buffer(number, episode) for number, episode in enumerate(episodes)]
     notes = [{KEY: encode_document(episode_document(episode)).decode()} for episode in episodes]
-    header = demonstrations_document(content.schema, content.environment, content.expert)
-    spaces = _spaces(content.schema)
+    header = demonstrations_document(schema, environment, expert)
+    gymnasium_spaces = import_module("gymnasium").spaces  # comes with Minari
+    low, high = np.array([(feature.low, feature.high) for feature in schema.features]).T
     metadata = {KEY: encode_document(header).decode()}
-    if content.environment is not None:
-        metadata |= _env_spec(content.environment, name)
+    if environment is not None:
+        metadata |= _env_spec(environment, name)
     with _quiet():
         try:
             dataset = minari.create_dataset_from_buffers(
                 dataset_id,
                 buffers,
-                observation_space=spaces[0],
-                action_space=spaces[1],
-                algorithm_name=content.expert,
+                observation_space=gymnasium_spaces.Box(low, high, dtype=np.float64),
+                action_space=gymnasium_spaces.Discrete(schema.n_actions),
+                algorithm_name=expert,
                 jpeg_encoding=False,
             )
             dataset.storage.update_metadata(metadata)
@@ -194,20 +189,6 @@ def _space(space: Any, name: str) -> dict[str, Any]:
     return description
 
 
-def _spaces(schema: Schema) -> tuple[Any, Any]:
-    """Return the spaces of observations and actions, built by Minari from its description."""
-    deserialize = import_module("minari.serialization").deserialize_space
-    box = {
-        "type": "Box",
-        "dtype": "float64",
-        "shape": [schema.n_features],
-        "low": [feature.low for feature in schema.features],
-        "high": [feature.high for feature in schema.features],
-    }
-    discrete = {"type": "Discrete", "dtype": "int64", "n": schema.n_actions, "start": 0}
-    return deserialize(json.dumps(box)), deserialize(json.dumps(discrete))
-
-
 def _header(
     dataset: Any, metadata: dict[str, Any], space: dict[str, Any], n_actions: int, name: str
 ) -> tuple[Schema, EnvironmentSpec | None, str]:
@@ -215,16 +196,12 @@ def _header(
         document = decode_document(str(metadata[KEY]).encode(), DemonstrationsDocument, name)
         schema = schema_from_document(document.schema, name)
         return schema, environment_from_document(document.environment, name), document.expert
-    spec = dataset.env_spec
-    limit = (
-        {}
-        if spec is None or spec.max_episode_steps is None
-        else {"max_episode_steps": spec.max_episode_steps}
-    )
-    arguments = {} if spec is None else {**spec.kwargs, **limit}
-    arguments.pop("render_mode", None)
-    chosen = frozenset(arguments)
-    environment = None if spec is None else EnvironmentSpec(spec.id, arguments, chosen)
+    spec, environment = dataset.env_spec, None
+    if spec is not None:
+        arguments = {key: value for key, value in spec.kwargs.items() if key != "render_mode"}
+        if spec.max_episode_steps is not None:
+            arguments["max_episode_steps"] = spec.max_episode_steps
+        environment = EnvironmentSpec(spec.id, arguments, frozenset(arguments))
     actions = Schema.anonymous(1, n_actions).actions
     expert = str(metadata.get("algorithm_name") or dataset.id)
     return Schema(_features(space), actions), environment, expert

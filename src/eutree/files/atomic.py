@@ -17,6 +17,7 @@ import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import BinaryIO
 
 from eutree.errors import EutreeError, FileError, FormatError
 
@@ -94,15 +95,8 @@ def opened_text(path: str | Path, *, limit: int) -> Iterator[io.TextIOWrapper]:
         FileError: The file is missing, unreadable or no regular file.
         FormatError: It is larger than ``limit``.
     """
-    with reported("read", path):
-        descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
-    with open(descriptor, encoding="utf-8-sig", newline="") as file:
-        status = os.fstat(descriptor)
-        if not stat.S_ISREG(status.st_mode):
-            raise FileError("read", path, "it is not a regular file")
-        if status.st_size > limit:
-            raise FormatError(path, "", f"too large: {status.st_size:,} bytes, more than {limit:,}")
-        yield file
+    with _opened(path, limit) as file:
+        yield io.TextIOWrapper(file, encoding="utf-8-sig", newline="")
 
 
 def read_bytes(path: str | Path, *, limit: int) -> bytes:
@@ -112,16 +106,27 @@ def read_bytes(path: str | Path, *, limit: int) -> bytes:
         FileError: The file is missing, unreadable or no regular file.
         FormatError: It is larger than ``limit``.
     """
+    with _opened(path, limit) as file, reported("read", path):
+        content = file.read(os.fstat(file.fileno()).st_size + 1)
+    _check_size(path, len(content), limit)
+    return content
+
+
+@contextmanager
+def _opened(path: str | Path, limit: int) -> Iterator[BinaryIO]:
     with reported("read", path):
         descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
-        with open(descriptor, "rb") as file:
-            status = os.fstat(descriptor)
-            if not stat.S_ISREG(status.st_mode):
-                raise FileError("read", path, "it is not a regular file")
-            content = file.read(status.st_size + 1) if status.st_size <= limit else b""
-    if status.st_size > limit or len(content) > limit:
-        raise FormatError(path, "", f"too large: {status.st_size:,} bytes, more than {limit:,}")
-    return content
+    with open(descriptor, "rb") as file:
+        status = os.fstat(descriptor)
+        if not stat.S_ISREG(status.st_mode):
+            raise FileError("read", path, "it is not a regular file")
+        _check_size(path, status.st_size, limit)
+        yield file
+
+
+def _check_size(path: str | Path, size: int, limit: int) -> None:
+    if size > limit:
+        raise FormatError(path, "", f"too large: {size:,} bytes, more than {limit:,}")
 
 
 def make_folder(path: str | Path, *, of: str = "") -> Path:
@@ -163,11 +168,7 @@ def check_writable(path: str | Path) -> None:
         _refuse_special(target)
         probe = temporary_path(target)
         try:
-            descriptor = os.open(probe, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
-            try:
-                write_all(descriptor, bytes(4096))
-            finally:
-                os.close(descriptor)
+            _write_new(probe, bytes(4096), None)
         finally:
             with suppress(OSError):
                 probe.unlink(missing_ok=True)
