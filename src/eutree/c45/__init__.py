@@ -12,9 +12,5 @@ if TYPE_CHECKING:
 __all__ = ["C45Settings", "C45Tree", "best_reductions", "grow"]
 
 __getattr__ = lazily(
-    __name__,
-    {
-        "eutree.c45.growing": "best_reductions grow",
-        "eutree.c45.tree": "C45Tree",
-    },
+    __name__, {"eutree.c45.growing": "best_reductions grow", "eutree.c45.tree": "C45Tree"}
 )

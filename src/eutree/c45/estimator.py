@@ -306,13 +306,8 @@ class C45Classifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # sk
         columns: Iterable[object] = getattr(
             self, "feature_names_in_", [f"x{i}" for i in range(self.n_features_in_)]
         )
-        names = C45Names(
-            features=tuple(map(str, columns)),
-            classes=tuple(map(str, self.classes_)),
-            values=tuple(
-                () if values is None else tuple(map(str, values)) for values in self.categories_
-            ),
-        )
+        values = [[] if some is None else list(map(str, some)) for some in self.categories_]
+        names = C45Names(list(map(str, columns)), list(map(str, self.classes_)), values)
         return to_text(self._tree(), names)
 
     def _html_repr(self) -> str:

@@ -7,10 +7,10 @@ unknown (NaN) goes down all branches, weighted by their shares of the training c
 cases*).
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -99,8 +99,7 @@ class C45Tree:
 
         A test gains the entropy of its node less that of its children, each times its cases.
         """
-        weight = self.distribution.sum(axis=1, keepdims=True)
-        share = np.divide(self.distribution, weight, where=weight > 0, out=self.distribution * 0)
+        share = self.probability
         logarithm = np.log2(share, where=share > 0, out=share * 0)
         unsaid = -(self.distribution * logarithm).sum(axis=1)  # [M] bits of all its cases
         told = np.zeros(self.n_features)
@@ -220,14 +219,12 @@ def _branches(known: C45Tree, node: int) -> tuple[int, list[tuple[float, int]]]:
     return feature, list(zip(ends, children, strict=True))
 
 
-@dataclass(frozen=True)
-class C45Names:
+class C45Names(NamedTuple):
     """Names of the numbers of a tree."""
 
-    features: tuple[str, ...]  # names of the attributes
-    classes: tuple[str, ...]  # names of the classes
-    # Names of the values of each nominal attribute; empty for a continuous one
-    values: tuple[tuple[str, ...], ...]
+    features: Sequence[str]
+    classes: Sequence[str]
+    values: Sequence[Sequence[str]]  # of each nominal attribute; empty for a continuous one
 
 
 def _condition(tree: C45Tree, names: C45Names, node: int, branch: int) -> str:

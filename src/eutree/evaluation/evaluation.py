@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from eutree.arrays import Booleans, Floats, Integers, frozen
+from eutree.arrays import Booleans, Floats, Integers, freeze
 from eutree.contests import bounds_of_change
 from eutree.data import Episode
 from eutree.display import Displayed, counted
@@ -170,12 +170,12 @@ class Evaluation(Earned, Displayed):
     n_leaves: int | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "returns", frozen(np.asarray(self.returns, dtype=np.float64)))
-        object.__setattr__(self, "lengths", frozen(np.asarray(self.lengths, dtype=np.int64)))
-        object.__setattr__(self, "endings", frozen(np.asarray(self.endings, dtype=np.str_)))
+        freeze(self, "returns", dtype=np.float64)
+        freeze(self, "lengths", dtype=np.int64)
+        freeze(self, "endings", dtype=np.str_)
         sizes = {self.returns.shape, self.lengths.shape, self.endings.shape}
         if self.successes is not None:
-            object.__setattr__(self, "successes", frozen(np.asarray(self.successes, dtype=bool)))
+            freeze(self, "successes", dtype=bool)
             sizes.add(self.successes.shape)
         if len(sizes) != 1 or self.returns.ndim != 1 or not self.returns.size:
             raise InvalidArgumentError(

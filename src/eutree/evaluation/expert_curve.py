@@ -123,9 +123,7 @@ def expert_curve(demonstrations: Demonstrations) -> ExpertCurve | None:
         return None
     generator = np.random.default_rng(np.random.SeedSequence((0, n)))
     sizes = np.unique(np.geomspace(1, n - 1, _SIZES).round().astype(int))
-    accuracies = np.array(
-        [_accuracies(demonstrations, episodes, int(k), C45Settings(), generator) for k in sizes]
-    )
+    accuracies = np.array([_accuracies(demonstrations, episodes, int(k), generator) for k in sizes])
     drawn = generator.integers(n, size=(_BOOTSTRAPS, n))
     laws = [fit_power_law(sizes, 1.0 - _mean(accuracies[:, rows])) for rows in drawn]
     gains = [law.error(n) - law.error(n + MORE) for law in laws]
@@ -163,11 +161,7 @@ def fit_power_law(sizes: Floats, errors: Floats) -> PowerLaw:
 
 
 def _accuracies(
-    demonstrations: Demonstrations,
-    episodes: list[int],
-    k: int,
-    settings: C45Settings,
-    generator: np.random.Generator,
+    demonstrations: Demonstrations, episodes: list[int], k: int, generator: np.random.Generator
 ) -> Floats:
     """Return each episode's mean accuracy under trees of ``k`` others; NaN if never held out."""
     n = len(episodes)
@@ -175,7 +169,7 @@ def _accuracies(
     for subset in _subsets(n, k, generator):
         chosen = tuple(demonstrations.episodes[episodes[i]] for i in subset)
         part = Demonstrations(chosen, demonstrations.schema, demonstrations.environment)
-        tree = fit_expert_tree(part, settings=settings)
+        tree = fit_expert_tree(part, settings=C45Settings())
         for i in sorted(set(range(n)) - set(subset)):
             episode = demonstrations.episodes[episodes[i]]
             leaves = tree.tree.leaf_index(episode.observations[:-1])

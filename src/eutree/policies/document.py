@@ -2,12 +2,13 @@
 
 import math
 from pathlib import Path
-from typing import Annotated, ClassVar, TypedDict
+from typing import Annotated, Any, ClassVar
 
 import msgspec
 import numpy as np
+from msgspec.structs import astuple
 
-from eutree.arrays import Floats, Integers
+from eutree.arrays import Floats
 from eutree.errors import FormatError, InvalidArgumentError, blamed
 from eutree.files import Document
 from eutree.files.documents import checksum_of, encode_document
@@ -21,7 +22,6 @@ from eutree.files.schema_document import (
     schema_to_document,
 )
 from eutree.policies.leaf_statistics import LeafStatistics
-from eutree.schema import EnvironmentSpec, Schema
 from eutree.trees import DecisionTree
 
 # Node 0 is the root. A node is either ``{"feature", "threshold", "left", "right"}`` (true of
@@ -45,10 +45,8 @@ def tree_to_document(tree: DecisionTree) -> list[NodeDocument]:
     """Return the nodes of the tree in index order."""
     columns = (tree.feature, tree.threshold, tree.left, tree.right, tree.leaf)
     return [
-        NodeDocument(leaf=leaf) if feature < 0 else NodeDocument(feature, threshold, left, right)
-        for feature, threshold, left, right, leaf in zip(
-            *(column.tolist() for column in columns), strict=True
-        )
+        NodeDocument(leaf=leaf) if leaf >= 0 else NodeDocument(*test)
+        for *test, leaf in zip(*(column.tolist() for column in columns), strict=True)
     ]
 
 
@@ -61,17 +59,9 @@ def tree_from_document(
         problem = _node_problem(node, index, len(nodes), n_features, parents)
         if problem:
             raise FormatError(path, f"nodes[{index}]", problem)
+    rows = np.array([astuple(node) for node in nodes], dtype=np.float64)  # null becomes NaN
     with blamed(path, "nodes"):
-        return DecisionTree(
-            n_features,
-            feature=np.array([node.feature for node in nodes], dtype=np.int32),
-            threshold=np.array(
-                [math.nan if node.threshold is None else node.threshold for node in nodes]
-            ),
-            left=np.array([node.left for node in nodes], dtype=np.int32),
-            right=np.array([node.right for node in nodes], dtype=np.int32),
-            leaf=np.array([node.leaf for node in nodes], dtype=np.int32),
-        )
+        return DecisionTree(n_features, *rows.reshape(-1, 5).T)
 
 
 def _node_problem(
@@ -128,18 +118,7 @@ class PolicyDocument(Document, frozen=True, kw_only=True, omit_defaults=True):
     checksum: str = ""  # filled in on writing
 
 
-class PolicyParts(TypedDict, total=False):
-    """The fields of a ``TreePolicy``."""
-
-    tree: DecisionTree
-    actions: Integers  # [L]
-    schema: Schema
-    environment: EnvironmentSpec | None
-    history: int
-    past_actions: int
-    leaves: LeafStatistics | None
-    locked: tuple[int, ...]
-    masked: bool
+PolicyParts = dict[str, Any]  # fields of a ``TreePolicy``, which is made with this module
 
 
 def policy_to_bytes(parts: PolicyParts) -> bytes:

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, ClassVar, Protocol, cast
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,7 +21,6 @@ from eutree.files import read_bytes, write_bytes
 from eutree.files.documents import MAX_DOCUMENT, decode_document
 from eutree.policies.document import (
     PolicyDocument,
-    PolicyParts,
     check_unchanged,
     policy_parts,
     policy_to_bytes,
@@ -255,8 +254,7 @@ class TreePolicy(Displayed):
 
     def to_bytes(self) -> bytes:
         """Return the content of the policy's file; the same policy gives the same bytes."""
-        parts = {one.name: getattr(self, one.name) for one in fields(self)}
-        return policy_to_bytes(cast(PolicyParts, parts))
+        return policy_to_bytes({one.name: getattr(self, one.name) for one in fields(self)})
 
     @classmethod
     def from_bytes(
@@ -397,14 +395,9 @@ class TreePolicy(Displayed):
         """Return whether both decide by the same tree with the same names and statistics."""
         if not isinstance(other, TreePolicy):
             return NotImplemented
-        mine, theirs = self.leaves, other.leaves
-        same_leaves = (mine is None) == (theirs is None) and (
-            mine is None
-            or theirs is None
-            or all(
-                getattr(mine, name).tobytes() == getattr(theirs, name).tobytes()
-                for name in ("visits", "values", "deviations")
-            )
+        mine, theirs = (
+            known and [column.tobytes() for column in vars(known).values()]
+            for known in (self.leaves, other.leaves)
         )
         return (
             self.tree.equals(other.tree)
@@ -414,7 +407,7 @@ class TreePolicy(Displayed):
             and self.features == other.features
             and self.locked == other.locked
             and self.masked == other.masked
-            and same_leaves
+            and mine == theirs
         )
 
     __hash__ = object.__hash__

@@ -18,10 +18,7 @@ class TreeBuilder:
 
     def __init__(self, n_features: int) -> None:
         self._n_features = n_features
-        self._feature: list[int] = []
-        self._threshold: list[float] = []
-        self._children: list[list[int]] = []
-        self._leaf: list[int] = []
+        self._nodes: list[list[float]] = []  # feature, threshold, left, right, leaf of each
         self._labels: list[int] = []
 
     def test(self, feature: int, threshold: float, *, parent: int, side: int) -> int:
@@ -44,25 +41,14 @@ class TreeBuilder:
 
     def build(self) -> tuple[DecisionTree, Integers]:
         """Return the tree, which must be whole, and the labels of its leaves, shape [L]."""
-        links = np.array(self._children, dtype=np.int32)
-        tree = DecisionTree(
-            n_features=self._n_features,
-            feature=np.array(self._feature, dtype=np.int32),
-            threshold=np.array(self._threshold),
-            left=links[:, 0],
-            right=links[:, 1],
-            leaf=np.array(self._leaf, dtype=np.int32),
-        )
+        tree = DecisionTree(self._n_features, *np.array(self._nodes).T)
         return tree, np.array(self._labels, dtype=np.int64)
 
     def _add(self, feature: int, threshold: float, leaf: int, parent: int, side: int) -> int:
-        number = len(self._feature)
-        self._feature.append(feature)
-        self._threshold.append(threshold)
-        self._children.append([DecisionTree.NO_NODE, DecisionTree.NO_NODE])
-        self._leaf.append(leaf)
+        number = len(self._nodes)
+        self._nodes.append([feature, threshold, DecisionTree.NO_NODE, DecisionTree.NO_NODE, leaf])
         if parent >= 0:
-            self._children[parent][side] = number
+            self._nodes[parent][2 + side] = number
         return number
 
 
