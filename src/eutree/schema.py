@@ -39,11 +39,6 @@ def numbered_actions(n_actions: int) -> tuple[str, ...]:
     return tuple(f"action_{i}" for i in range(n_actions))
 
 
-def numbered_controls(n_controls: int) -> tuple[str, ...]:
-    """Return the names of controls that have none: ``control_0, control_1, ...``."""
-    return tuple(f"control_{i}" for i in range(n_controls))
-
-
 @dataclass(frozen=True)
 class Feature:
     """One attribute of an observation.

@@ -13,7 +13,7 @@ integer the number of an action.
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from typing import Any, cast
 
 import gymnasium
 import numpy as np
@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from eutree.arrays import Booleans, Floats
 from eutree.errors import InvalidArgumentError, UnsupportedSpaceError, shown
-from eutree.schema import MAX_ACTIONS, Control, Schema, n_combinations, numbered_controls
+from eutree.schema import MAX_ACTIONS, Control, Schema, n_combinations
 from eutree.validation import check_vector
 
 ACTION_GRID = "action_grid"  # the argument of ``make``, as it stands in files
@@ -71,7 +71,14 @@ class GriddedAction(gymnasium.ActionWrapper[Any, Any, Any], gymnasium.utils.Reco
         super().__init__(env)
         self._own = space = env.action_space
         self.controls = _all_values(env) if grid is None else controls_of(grid)
-        self._low, self._high = _bounds(space)
+        bounds = bounds_of(space)
+        of_numbers = np.issubdtype(space.dtype, np.number)  # a Box may be of truth values
+        if bounds is None or counts_from_zero(space) or not of_numbers:
+            raise UnsupportedSpaceError(
+                f"{ACTION_GRID} needs an action space that is a Box, a MultiDiscrete or a "
+                f"MultiBinary, got {space}"
+            )
+        self._low, self._high = bounds
         self._check()
         self._sizes = [len(control.levels) for control in self.controls]
         self.action_space = spaces.Discrete(n_combinations(self.controls))
@@ -238,22 +245,21 @@ def plain_grid(controls: Sequence[Control]) -> list[list[Any]]:
     return [[control.label, list(control.levels)] for control in controls]
 
 
-def _bounds(space: spaces.Space[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Return the least and the largest value of each number of a space, shapes [K]."""
-    if isinstance(space, spaces.Box) and np.issubdtype(space.dtype, np.number):
+def bounds_of(space: spaces.Space[Any]) -> tuple[NDArray[Any], NDArray[Any]] | None:
+    """Return the least and the largest value of each number of a space, shapes [K].
+
+    None of a space of other things, and of one of spaces.
+    """
+    if isinstance(space, spaces.Box):
         return space.low.reshape(-1), space.high.reshape(-1)
-    if isinstance(space, spaces.MultiDiscrete):
-        low = np.asarray(space.start, dtype=np.float64).reshape(-1)
-        return low, low + np.asarray(space.nvec).reshape(-1) - 1
     if isinstance(space, spaces.MultiBinary):
         size = int(np.prod(space.shape))
         return np.zeros(size), np.ones(size)
-    if isinstance(space, spaces.Discrete) and space.start != 0:
-        return np.array([float(space.start)]), np.array([float(space.start + space.n - 1)])
-    raise UnsupportedSpaceError(
-        f"{ACTION_GRID} needs an action space that is a Box, a MultiDiscrete or a MultiBinary, "
-        f"got {space}"
-    )
+    if not isinstance(space, spaces.Discrete | spaces.MultiDiscrete):
+        return None
+    sizes = space.n if isinstance(space, spaces.Discrete) else space.nvec
+    low = np.asarray(space.start, dtype=np.float64).reshape(-1)
+    return low, low + np.asarray(sizes, dtype=np.float64).reshape(-1) - 1
 
 
 def _all_values(env: gymnasium.Env[Any, Any]) -> tuple[Control, ...]:
@@ -273,7 +279,7 @@ def _all_values(env: gymnasium.Env[Any, Any]) -> tuple[Control, ...]:
             f"{name} must have a Discrete, MultiDiscrete or MultiBinary action space, or a Box "
             f"with named levels, got {space}. Wrap it with gymnasium.wrappers.TransformAction."
         )
-    low, high = _bounds(space)
+    low, high = cast(tuple[Floats, Floats], bounds_of(space))
     sizes = (high - low + 1).astype(int).tolist()
     total = math.prod(sizes)
     if total > MAX_ACTIONS:
@@ -283,7 +289,9 @@ def _all_values(env: gymnasium.Env[Any, Any]) -> tuple[Control, ...]:
             "one to keep a number as it is: --action-grid NAME=LEVEL,LEVEL,... for each number, or "
             "eutree.interaction.GriddedAction(env, {NAME: [LEVEL, LEVEL, ...]})."
         )
-    labels = ["action"] if isinstance(space, spaces.Discrete) else numbered_controls(len(sizes))
+    labels = ["action"]
+    if not isinstance(space, spaces.Discrete):
+        labels = [f"control_{i}" for i in range(len(sizes))]
     given = getattr(env.unwrapped, "action_names", None)
     if given is not None and len(given) == len(sizes) != total:
         labels = [str(label) for label in given]

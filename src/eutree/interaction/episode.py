@@ -257,12 +257,10 @@ def _replay_episode(number: int, episode: Episode, env: GuardedEnv) -> ReplayRes
     if episode.seed is None:
         return ReplayResult(number, 0, "its seed was not recorded")
     try:
-        problem = _difference("observation", episode.observations[0], env.reset(episode.seed))
-        if problem:
+        if problem := _difference("observation", episode.observations[0], env.reset(episode.seed)):
             return ReplayResult(number, 0, f"at reset: {problem}")
         for step in range(len(episode)):
-            problem = _step_difference(episode, step, env)
-            if problem:
+            if problem := _step_difference(episode, step, env):
                 return ReplayResult(number, step, f"at step {step}: {problem}")
     except EnvironmentFault as error:
         return ReplayResult(number, env.step_number, str(error))

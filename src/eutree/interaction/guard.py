@@ -111,14 +111,9 @@ class GuardedEnv:
         """Begin an episode and return its first observation, shape [d]."""
         self.episode += 1
         self.step_number, self._seed = -1, seed
-        try:
-            with self._folder:
-                answer = self.env.reset(seed=seed)
-        except KeyboardInterrupt:
-            raise
-        except BaseException as error:  # no environment may end the process
-            hint = _OLD_RESET if "'seed'" in described(error) else ""
-            raise self._fault(f"reset(seed={seed}) raised {described(error)}{hint}") from error
+        answer = self._answer(
+            lambda: self.env.reset(seed=seed), f"reset(seed={seed})", "'seed'", _OLD_RESET
+        )
         if not (isinstance(answer, tuple) and len(answer) == 2):
             raise self._fault(
                 f"reset must return (observation, info), got {_brief(answer)}{_OLD_RESET}"
@@ -144,14 +139,9 @@ class GuardedEnv:
                 f"{', '.join(np.array(self.schema.actions)[self.allowed])}, got "
                 f"{self.schema.actions[action]}"
             )
-        try:
-            with self._folder:
-                answer = self._numbered.step(action)
-        except KeyboardInterrupt:
-            raise
-        except BaseException as error:  # no environment may end the process
-            hint = _OLD_STEP if "(expected 5, got 4)" in described(error) else ""
-            raise self._fault(f"step raised {described(error)}{hint}") from error
+        answer = self._answer(
+            lambda: self._numbered.step(action), "step", "(expected 5, got 4)", _OLD_STEP
+        )
         if not (isinstance(answer, tuple) and len(answer) == 5):
             old = isinstance(answer, tuple) and len(answer) == 4
             raise self._fault(
@@ -174,6 +164,17 @@ class GuardedEnv:
         if not self.features.is_identity:
             self._seen = observation = self.features.next(self._seen, action, observation)
         return observation, reward, terminated, truncated, answer[4]
+
+    def _answer(self, ask: Callable[[], Any], asked: str, sign: str, hint: str) -> Any:
+        """Return an environment's answer; a hint follows errors that have its sign."""
+        try:
+            with self._folder:
+                return ask()
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # no environment may end the process
+            said = described(error)
+            raise self._fault(f"{asked} raised {said}{hint * (sign in said)}") from error
 
     def picture(self, render: Callable[[], Any] | None = None) -> NDArray[np.uint8]:
         """Return a picture, shape [height, width, 3].

@@ -6,9 +6,9 @@ several things), MultiDiscrete and MultiBinary become
 their entries, Dict and Tuple are laid end to end with names such as ``"lidar.front"``.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import Any, Protocol, cast
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -21,6 +21,7 @@ from eutree.files.schema_document import plain_json
 from eutree.interaction.action_grid import (
     ACTION_GRID,
     GriddedAction,
+    bounds_of,
     grid_around,
     name_of,
     numbered,
@@ -46,32 +47,18 @@ Encoder = Callable[[Any], Floats]
 Decoder = Callable[[Floats], Any]
 
 # Names and units of the observations of Gymnasium's own tasks, which do not say them themselves.
-_KNOWN_FEATURES: dict[str, tuple[tuple[str, str], ...]] = {
-    "CartPole": (("position", "m"), ("velocity", "m/s"), ("angle", "rad"), ("turn rate", "rad/s")),
-    "MountainCar": (("position", ""), ("velocity", "")),
-    "Acrobot": (
-        ("cos angle 1", ""),
-        ("sin angle 1", ""),
-        ("cos angle 2", ""),
-        ("sin angle 2", ""),
-        ("turn rate 1", "rad/s"),
-        ("turn rate 2", "rad/s"),
-    ),
-    "Pendulum": (("cos angle", ""), ("sin angle", ""), ("turn rate", "rad/s")),
-    "Taxi": (("row", ""), ("column", ""), ("passenger", ""), ("destination", "")),  # decoded
-    "FrozenLake": (("square", ""),),
-    "FrozenLake8x8": (("square", ""),),
-    "CliffWalking": (("square", ""),),
-    "LunarLander": (
-        ("x", ""),
-        ("y", ""),
-        ("x velocity", ""),
-        ("y velocity", ""),
-        ("angle", "rad"),
-        ("turn rate", ""),
-        ("left leg down", ""),
-        ("right leg down", ""),
-    ),
+_KNOWN_FEATURES = {
+    "CartPole": "position [m], velocity [m/s], angle [rad], turn rate [rad/s]",
+    "MountainCar": "position, velocity",
+    "Acrobot": "cos angle 1, sin angle 1, cos angle 2, sin angle 2, "
+    "turn rate 1 [rad/s], turn rate 2 [rad/s]",
+    "Pendulum": "cos angle, sin angle, turn rate [rad/s]",
+    "Taxi": "row, column, passenger, destination",  # decoded
+    "FrozenLake": "square",
+    "FrozenLake8x8": "square",
+    "CliffWalking": "square",
+    "LunarLander": "x, y, x velocity, y velocity, angle [rad], turn rate, "
+    "left leg down, right leg down",
 }
 _KNOWN_FLAGS = ("left leg down", "right leg down")
 _KNOWN_ACTIONS: dict[str, tuple[str, ...]] = {
@@ -124,25 +111,20 @@ def _features(env: gymnasium.Env[Any, Any], family: str) -> tuple[Feature, ...]:
         raise UnsupportedSpaceError(
             f"{name_of(env)} must observe from 1 to {MAX_FEATURES:,} numbers, got {len(features):,}"
         )
-    known, own = _KNOWN_FEATURES.get(family, ()), env.unwrapped
-    names = _of_each(
-        features, getattr(own, "feature_names", None), [name for name, _ in known],
-        [feature.name for feature in features],
-    )  # fmt: skip
-    units = _of_each(
-        features, getattr(own, "feature_units", None), [unit for _, unit in known],
-        [""] * len(features),
-    )  # fmt: skip
-    return tuple(
-        replace(feature, name=name, unit=unit)
-        for feature, name, unit in zip(features, names, units, strict=True)
+    known = [Feature.from_label(label) for label in _KNOWN_FEATURES.get(family, "").split(", ")]
+    usual = known if len(known) == len(features) and known[0].name else features
+    own = [getattr(env.unwrapped, name, None) for name in ("feature_names", "feature_units")]
+    names, units = (
+        given if given is not None and len(given) == len(features) else None for given in own
     )
-
-
-def _of_each(features: list[Feature], *texts: Sequence[Any] | None) -> list[str]:
-    """Return the first texts that are one for each feature."""
-    fitting = (given for given in texts if given is not None and len(given) == len(features))
-    return [str(text) for text in next(fitting)]
+    return tuple(
+        replace(
+            feature,
+            name=like.name if names is None else str(names[k]),
+            unit=like.unit if units is None else str(units[k]),
+        )
+        for k, (feature, like) in enumerate(zip(features, usual, strict=True))
+    )
 
 
 def _one_hot(space: spaces.Space[Any], prefix: str, name: str) -> Iterator[Feature]:
@@ -163,21 +145,11 @@ def _one_hot(space: spaces.Space[Any], prefix: str, name: str) -> Iterator[Featu
             yield replace(entry, name=own, is_integer=_is_whole(space))
 
 
-class DerivingEnv(Protocol):
-    """An environment that observes derived features behind those of the one within it."""
-
-    env: gymnasium.Env[Any, Any]
-    schema: Schema
-    observation_space: spaces.Space[Any]
-
-
-def derived_around(env: gymnasium.Env[Any, Any]) -> DerivingEnv | None:
-    """Return the wrapper that derives features of the observations; None if there is none."""
-    for wrapper in wrappers_of(env):
-        if "_derivation" in vars(wrapper):
-            is_seen = wrapper.observation_space is env.observation_space
-            return cast(DerivingEnv, wrapper) if is_seen else None
-    return None
+def derived_around(env: gymnasium.Env[Any, Any]) -> Any:
+    """Return the ``DerivedObservation`` that the observations are of; None if there is none."""
+    derived = next((one for one in wrappers_of(env) if "_derivation" in vars(one)), None)
+    is_seen = derived is not None and derived.observation_space is env.observation_space
+    return derived if is_seen else None
 
 
 def spec_of(env: gymnasium.Env[Any, Any]) -> EnvironmentSpec | None:
@@ -314,22 +286,14 @@ def _entries(space: spaces.Space[Any], name: str) -> list[Feature]:
             for key, _ in parts
             for entry in found[key]
         ]
-    if isinstance(space, spaces.Box) and len(space.shape) <= 1:
-        low, high = (np.atleast_1d(bound).astype(np.float64) for bound in (space.low, space.high))
-    elif isinstance(space, spaces.Discrete):
-        low, high = np.array([float(space.start)]), np.array([float(space.start + space.n - 1)])
-    elif isinstance(space, spaces.MultiDiscrete) and len(space.shape) == 1:
-        low = np.asarray(space.start, dtype=np.float64)
-        high = low + np.asarray(space.nvec, dtype=np.float64) - 1
-    elif isinstance(space, spaces.MultiBinary) and len(space.shape) == 1:
-        low, high = np.zeros(space.shape), np.ones(space.shape)
-    else:
+    bounds = bounds_of(space)
+    if bounds is None or len(space.shape or ()) > 1:
         raise UnsupportedSpaceError(
             f"{name} must have a flat Box, Discrete, MultiDiscrete or MultiBinary observation "
             f"space, got {space}: {_what_helps(space)}"
         )
-    bounds = zip(low.tolist(), high.tolist(), strict=True)
-    return [Feature(f"x{i}", "", *ends, _is_whole(space)) for i, ends in enumerate(bounds)]
+    ends = zip(*(bound.astype(np.float64).tolist() for bound in bounds), strict=True)
+    return [Feature(f"x{i}", "", *both, _is_whole(space)) for i, both in enumerate(ends)]
 
 
 def _what_helps(space: spaces.Space[Any]) -> str:
