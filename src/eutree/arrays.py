@@ -4,6 +4,7 @@ Letters used for shapes throughout: N transitions or rows, d features, A actions
 (states of the leaf MDP), M nodes of a tree, T steps of an episode, E episodes or environments.
 """
 
+import math
 from typing import Any, TypeVar
 
 import numpy as np
@@ -42,3 +43,14 @@ def freeze(one: object, *names: str, dtype: Any = None) -> None:
     """Make arrays of a frozen dataclass read-only, and of this type if one is named."""
     for name in names:
         object.__setattr__(one, name, frozen(np.asarray(getattr(one, name), dtype=dtype)))
+
+
+def plain(value: Any) -> Any:
+    """Return ``value`` in JSON's own types; a number that is not finite becomes null."""
+    if isinstance(value, dict):
+        return {str(key): plain(entry) for key, entry in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [plain(entry) for entry in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -4,6 +4,7 @@ The distribution is built here from the page that explains it, and installed by 
 """
 
 import importlib
+import json
 import os
 import re
 import subprocess
@@ -20,7 +21,7 @@ import pytest
 import eutree
 from eutree.cli.main import run
 from eutree.errors import FormatError, InvalidArgumentError, RunFolderError, UnknownNameError
-from eutree.learners import METHODS, History, Needs, Part, Start, Stored, method, register
+from eutree.learners import METHODS, History, Needs, Part, Start, Stored, Update, method, register
 from eutree.learners.declared import HISTORY_PART, MASKS_PART, SHOWN_PART, part, prefixed
 from eutree.learners.learner import MethodOfParts
 from eutree.learners.registry import GROUP, from_document, to_document
@@ -383,6 +384,43 @@ def test_a_learner_that_lacks_something_is_refused_before_the_first_step(
     state = made(of_the_page(), case.problem, case.start).state()
     with pytest.raises(InvalidArgumentError, match=rf"lacks {name}; see"):
         restored_from("checkpoint.npz", state, of_the_page(), case.problem, case.start)
+
+
+def test_a_state_that_could_not_be_read_back_is_never_written(of_the_page, demos, tmp_path):
+    """The run went on to its end, and could not be resumed."""
+    made = of_the_page.start
+
+    def growing(self, problem, start):
+        learner = made(self, problem, start)
+        known = learner.state
+        more = {"extra": np.zeros(3)}
+        learner.state = lambda: known() | (more if len(learner.history.rewards) > 300 else {})
+        return learner
+
+    of_the_page.start = growing
+    wanted = r"^method 'corrected-imitation' must have a state .* got extra: unexpected array$"
+    with pytest.raises(InvalidArgumentError, match=wanted):
+        learned(demos, tmp_path / "run", method=of_the_page(), checkpoint_seconds=0)
+    of_the_page.start = made
+    result = learned(demos, tmp_path / "run", method=of_the_page(), resume=True)
+    assert result.episodes == SHORT["episodes"], "it goes on from the last that was whole"
+
+
+def test_figures_may_be_those_of_numpy(of_the_page, demos, tmp_path, monkeypatch):
+    """The run ended at its first update: int64 is not JSON serializable."""
+    told = {
+        "n": np.int64(3),
+        "mean": np.float32(0.5),
+        "none": np.nan,
+        "row": np.arange(2),
+        "s": "a",
+    }
+    kind = type(of_the_page().start(*_beginning()))
+    monkeypatch.setattr(kind, "update", lambda self, generator: Update(figures=told))
+    learned(demos, tmp_path / "run", method=of_the_page(), episodes=20)
+    lines = map(json.loads, (tmp_path / "run" / "events.jsonl").read_text().splitlines())
+    found = next(line for line in lines if line["event"] == "expansion")
+    assert [found[name] for name in told] == [3, 0.5, None, [0, 1], "a"]
 
 
 class ByHand:

@@ -8,7 +8,6 @@ import ctypes
 import io
 import json
 import logging
-import math
 import os
 import sys
 import time
@@ -17,7 +16,8 @@ from contextlib import contextmanager, redirect_stdout, suppress
 from typing import TYPE_CHECKING, Any, NamedTuple, TextIO
 
 import click
-import numpy as np
+
+from eutree.arrays import plain
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -63,7 +63,7 @@ class Output:
     def result(self, values: dict[str, Any], text: Any) -> None:
         """Print ``values`` as one JSON object, or else ``text`` (a string or a rich renderable)."""
         if self.as_json:
-            click.echo(json.dumps(_plain(values), allow_nan=False), file=results())
+            click.echo(json.dumps(plain(values), allow_nan=False), file=results())
         else:
             from rich.console import Console
             from rich.text import Text
@@ -128,21 +128,6 @@ class ProgressLine:
                 f"{self._label} {count}/{self._total} {note}".rstrip(), markup=False
             )
         self._count = count
-
-
-def _plain(value: Any) -> Any:
-    """Return ``value`` in JSON's own types; a number that is not finite becomes null."""
-    if isinstance(value, dict):
-        return {str(key): _plain(entry) for key, entry in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(entry) for entry in value]
-    if isinstance(value, np.ndarray):
-        return _plain(value.tolist())
-    if isinstance(value, np.generic):
-        return _plain(value.item())
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
 
 
 def figures_of(result: object, names: str) -> dict[str, Any]:

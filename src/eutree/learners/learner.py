@@ -188,7 +188,7 @@ class Update:
 
     Attributes:
         splits: Leaves that were split, in order.
-        figures: Numbers of the method's own, by name, in JSON's types.
+        figures: Numbers of the method's own, by name; one that is not finite is noted as none.
     """
 
     splits: tuple[LeafSplit, ...] = ()

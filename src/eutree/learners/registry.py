@@ -295,6 +295,23 @@ def _loaded(name: str, found: list[EntryPoint]) -> type[Method]:
     return kind
 
 
+def state_of(learner: Learner, method: Method, problem: Problem, start: Start) -> State:
+    """Return the state of a learner, from which ``restored`` makes it again.
+
+    Raises:
+        InvalidArgumentError: It is not as the method declares it.
+    """
+    state = learner.state()
+    try:
+        taken("", state, method.declared(problem, start))
+    except FormatError as error:
+        raise InvalidArgumentError(
+            f"method {method.name!r} must have a state as it declares it, got {error.place}: "
+            f"{error.reason}"
+        ) from None
+    return state
+
+
 def restored(
     path: str | Path, state: State, method: Method, problem: Problem, start: Start
 ) -> Learner:

@@ -26,7 +26,7 @@ from eutree.files import Document, read_archive, write_archive
 from eutree.learners import History, Part, Stored
 from eutree.learners.declared import HISTORY_PART, Declared, part, taken
 from eutree.learners.episode_buffer import transitions_of
-from eutree.learners.registry import restored
+from eutree.learners.registry import restored, state_of
 from eutree.training.handover import Judgement
 from eutree.training.phases import Position
 from eutree.training.progress import GatheredEpisodes, progress_to_csv
@@ -81,7 +81,7 @@ class CheckpointDocument(Document, frozen=True, kw_only=True):
 
 
 def write_checkpoint(path: Path, run: Run) -> None:
-    """Write where a run stands, atomically."""
+    """Write where a run stands, atomically; not a state that could not be read back."""
     kept, search, result = run.evaluations.kept, run.racing.search, run.racing.result
     front, picked = run.evaluations.front, run.evaluations.picked
     document = CheckpointDocument(
@@ -96,7 +96,9 @@ def write_checkpoint(path: Path, run: Run) -> None:
         played=run.evaluations.played.counts,
     )
     events = np.frombuffer(events_to_text(run.state.events).encode(), dtype=np.uint8)
-    arrays = run.learner.state() | run.gathered.state() | {_EVENTS: events}
+    begin = run.beginning
+    state = state_of(run.learner, begin.method, begin.problem, begin.start)
+    arrays = {**state, **run.gathered.state(), _EVENTS: events}
     if search is not None:
         arrays |= episodes_to_arrays(search.all_episodes)
     write_archive(path, document, arrays, limit=MAX_CHECKPOINT)
@@ -116,14 +118,13 @@ def restore_checkpoint(path: Path, run: Run) -> None:
     document, arrays = read_archive(path, CheckpointDocument, limit=MAX_CHECKPOINT)
     if document.version < 3:
         arrays = {_NAMED_SINCE.get(name, name): array for name, array in arrays.items()}
-    beginning = run.beginning
-    method, problem = beginning.method, beginning.problem
+    method, problem, start = run.beginning.method, run.beginning.problem, run.beginning.start
     gathered, events = _gathered(path, arrays), _events(path, arrays)
     raced = []
     if document.race is not None:
         raced = episodes_from_arrays(path, arrays, problem.n_actions, problem.n_features)
     _check_events(path, events, gathered)
-    run.learner = restored(path, arrays, method, problem, beginning.start)
+    run.learner = restored(path, arrays, method, problem, start)
     run.state.at = document.position
     with _told(path, "an evaluation"):
         points = [event for event in events if event["event"] == "evaluation"]

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from eutree.arrays import Booleans, Floats
+from eutree.arrays import Booleans, Floats, plain
 from eutree.errors import InvalidArgumentError
 from eutree.evaluation import CurvePoint
 from eutree.interaction.episode import Stream
@@ -269,7 +269,8 @@ class Run:
             {"leaf": split.leaf, "feature": split.feature, "threshold": split.threshold}
             for split in update.splits
         ]
-        tried = update.figures.get("challengers")
+        figures = plain(dict(update.figures))
+        tried = figures.get("challengers")
         state.move(
             updates=at.updates + 1,
             updated_at=at.episode,
@@ -278,7 +279,7 @@ class Run:
             challengers=at.challengers + (tried if isinstance(tried, int) else 0),
         )
         n_leaves = self.learner.decisions().tree.n_leaves
-        state.note("expansion", {"splits": splits, "n_leaves": n_leaves, **update.figures})
+        state.note("expansion", {"splits": splits, "n_leaves": n_leaves, **figures})
 
     def _end(self) -> None:
         """Find the best tree of each size, and pick one; or compare the pick with the start."""
