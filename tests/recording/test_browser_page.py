@@ -587,6 +587,8 @@ def test_a_person_takes_over_from_the_tree_and_hands_back(chromium, tmp_path, to
         person = Person(chromium, served, **options).until(state="opening")
         person.page.get_by_role("button", name="Let it drive").click()
         person.until(state="driving", acting="tree: go")
+        idle = person.page.locator("#keys tr[data-action='0']")
+        assert idle.inner_text().split() == ["stop", "↓"]
         if touch:
             person.page.locator(".pad[data-action=''][data-key=down]").hover()
             person.page.mouse.down()
@@ -597,6 +599,7 @@ def test_a_person_takes_over_from_the_tree_and_hands_back(chromium, tmp_path, to
         person.until(acting="tree: go").until(seen="over 1")
         assert "You acted in" in person.page.locator("#text").inner_text()
         person.tap("Escape").until(state="opening")
+        assert "no key" in idle.inner_text()
         assert "driven by the tree" in person.page.locator("#episodes").inner_text()
         assert person.data("saved") == "0"
         assert person.messages == []

@@ -317,7 +317,7 @@ function show() {
   $("progress").setAttribute("aria-label", `${view.saved} of ${view.target} demonstrations saved`);
   $("fill").style.width = `${Math.min(100, 100 * view.saved / view.target)}%`;
   document.title = `${view.saved} of ${view.target} – eutree recorder`;
-  rebuild("keys", [view.actions, view.state === "opening", binding, view.keys_chosen, view.role], showKeys);
+  rebuild("keys", [view.actions, view.state, binding, view.keys_chosen, view.role], showKeys);
   rebuild("controls", [view.controls, view.turn_based, view.study?.allowed], showControls);
   rebuild("pads", [view.actions, view.turn_based || drives(), view.controls], showPads);
   rebuild("buttons", [view.state, watching, asksToLeave(), view.saved >= view.target, view.saved > 0, view.controls,
@@ -373,9 +373,10 @@ function showKeys() {
     const row = document.createElement("tr");
     row.dataset.action = index;
     const keys = document.createElement("td");
+    const known = drives() && action.is_idle ? [...action.keys, keyFor("wait")] : action.keys;
     if (binding === index) keys.append("press a key …");
-    else if (action.keys.length) action.keys.forEach((key) => keys.append(cap(key), " "));
-    if (binding !== index && action.is_idle) keys.append(action.keys.length ? "or no key" : "no key");
+    else known.filter(Boolean).forEach((key) => keys.append(cap(key), " "));
+    if (binding !== index && action.is_idle && !drives()) keys.append(known.length ? "or no key" : "no key");
     if (view.state === "opening" && acts() && allowed("bind") && binding !== index) {
       const change = document.createElement("button");
       change.type = "button";
@@ -388,8 +389,7 @@ function showKeys() {
     return row;
   });
   words($("keys"), ...rows);
-  const suggested = !view.keys_chosen && view.state === "opening";
-  $("keys-note").hidden = !suggested;
+  $("keys-note").hidden = view.keys_chosen || view.state !== "opening";
   $("keys-note").textContent = "These keys are a suggestion; change them before you start.";
 }
 
