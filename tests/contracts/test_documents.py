@@ -206,3 +206,15 @@ def test_links_of_pages_outside_the_documentation_lead_somewhere(page: Path) -> 
     """Sphinx looks after the links in docs/."""
     targets = re.findall(r"\]\(([^)#:]+)\)", page.read_text())
     assert [target for target in targets if not (ROOT / target).exists()] == []
+
+
+def test_the_tutorials_picture_is_of_the_tree_that_it_prints() -> None:
+    """The rules on top make tests at or beyond their own levels unreachable."""
+    page = (ROOT / "docs/tutorial.md").read_text()
+    printed = page.partition("print(small)\n")[2].partition("```text\n")[2].partition("```")[0]
+    levels = [float(cut) for cut in re.findall(r"always o\w+ when level .= ([\d.]+)\"", page)]
+    tests = re.findall(r"if (\w+) <= ([\d.]+)", printed)
+    drawn = (ROOT / "docs/images/tutorial-tree.svg").read_text()
+    kept = [(f, cut) for f, cut in tests if f == "hour" or levels[0] < float(cut) < levels[1]]
+    assert len(kept) >= 3
+    assert [one for one in kept if f"{one[0]} ≤ {one[1]} " not in drawn] == []
