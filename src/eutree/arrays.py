@@ -39,6 +39,13 @@ def read_only(array: NDArray[_Scalar]) -> NDArray[_Scalar]:
     return view
 
 
+def grown(array: NDArray[_Scalar], size: int, fill: float = 0) -> NDArray[_Scalar]:
+    """Return an array of another length that begins with the entries of this one."""
+    new = np.empty((size, *array.shape[1:]), dtype=array.dtype)
+    new[: len(array)], new[len(array) :] = array, fill
+    return new
+
+
 def freeze(one: object, *names: str, dtype: Any = None) -> None:
     """Make arrays of a frozen dataclass read-only, and of this type if one is named."""
     for name in names:

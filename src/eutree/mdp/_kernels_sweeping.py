@@ -36,30 +36,17 @@ BAD_TRANSITION = -3
 
 
 class MDPArrays(NamedTuple):
-    """All that an MDP over leaves holds; S counts the states there is room for.
-
-    Attributes:
-        counts: The counts of transitions.
-        counters: How many states are queued, and how many were touched since the savepoint
-            (``NO_SAVEPOINT`` without one).
-        values: V(s).
-        action_values: Q(s, a).
-        heap: State in each slot of the queue, and slot of each state.
-        priority: Priority of each queued state.
-        touched: The states touched since the savepoint, and whether each state is one of them.
-        saved: V, priority, Q and reward sums of the touched states at the savepoint.
-        settings: Discount, threshold, value of the untried, horizon.
-    """
+    """All that an MDP over leaves holds; S counts the states there is room for."""
 
     counts: CountArrays
-    counters: Integers  # [2]
-    values: Floats  # [S]
-    action_values: Floats  # [S, A]
-    heap: Int32s  # [2, S]
-    priority: Floats  # [S]
-    touched: Int32s  # [2, S]
-    saved: Floats  # [S, 2 + 2 A]
-    settings: Floats  # [4]
+    counters: Integers  # [2] states queued; touched since the savepoint, or ``NO_SAVEPOINT``
+    values: Floats  # [S] V(s)
+    action_values: Floats  # [S, A] Q(s, a)
+    heap: Int32s  # [2, S] state in each slot of the queue, and slot of each state
+    priority: Floats  # [S] priority of each queued state
+    touched: Int32s  # [2, S] states touched since the savepoint, and whether each state is one
+    saved: Floats  # [S, 2 + 2 A] V, priority, Q and reward sums of these at the savepoint
+    settings: Floats  # [4] discount, threshold, value of the untried, horizon
 
 
 @compiled

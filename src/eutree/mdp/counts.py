@@ -6,12 +6,10 @@ counts alone; a sum of rewards depends also on the order of the rows, so after a
 bit, those made of the history.
 """
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from eutree.arrays import Floats, Int32s, Integers, read_only
+from eutree.arrays import Floats, Int32s, Integers, grown, read_only
 from eutree.errors import InvalidArgumentError
 from eutree.mdp import _kernels
 from eutree.mdp.solver import TERMINAL, Model
@@ -233,9 +231,9 @@ class TransitionCounts:
         state, room = self.n_states, len(self.arrays.visits)
         if state == room:
             self.arrays = self.arrays._replace(
-                table=grown(self.arrays.table, 2 * room * (self.n_actions + 1), 0),
-                visits=grown(self.arrays.visits, 2 * room, 0),
-                reward_sums=grown(self.arrays.reward_sums, 2 * room, 0.0),
+                table=grown(self.arrays.table, 2 * room * (self.n_actions + 1)),
+                visits=grown(self.arrays.visits, 2 * room),
+                reward_sums=grown(self.arrays.reward_sums, 2 * room),
             )
         self.arrays.counters[_kernels.STATES] = state + 1
         return state
@@ -274,10 +272,3 @@ class TransitionCounts:
                 f"got {columns[0].shape}, {columns[1].shape}, {sums.shape}, {columns[2].shape}"
             )
         return _kernels.DiscreteTransitions(columns[0], columns[1], sums, columns[2])
-
-
-def grown(array: NDArray[Any], size: int, fill: float) -> Any:
-    """Return an array of another length that begins with the entries of this one."""
-    new = np.full((size, *array.shape[1:]), fill, dtype=array.dtype)
-    new[: len(array)] = array
-    return new

@@ -10,16 +10,16 @@ slow average of the weights (Polyak and Juditsky 1992), which acts more evenly t
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from eutree.arrays import Booleans, Float32s, Floats, Integers, freeze
+from eutree.arrays import Booleans, Float32s, Floats, Integers, freeze, grown
 from eutree.errors import InvalidArgumentError
 from eutree.neural import _kernels
 from eutree.neural._kernels import Learning, Network, Rates, StretchRows
-from eutree.validation import check_integer, check_number
+from eutree.validation import check_amounts, check_integer, check_number
 
 FAR = 10.0  # in spreads: numbers farther from the mean look alike
 FLOOR = 0.05  # of the range: least spread of a feature
@@ -67,22 +67,12 @@ def copied(network: Network) -> Network:
     return network_of(network.weights.copy(), p, h, network.b3.size)
 
 
-def outputs(network: Network, x: Float32s) -> Floats:
-    """Return the network's outputs for each row of x [N, p], shape [N, q]."""
-    return _kernels.outputs(network, np.ascontiguousarray(x)).astype(np.float64)
-
-
 @dataclass(frozen=True, eq=False)
 class Scaling:
-    """Where the features of observations lie, and how far they spread.
+    """Where the features of observations lie, and how far they spread."""
 
-    Attributes:
-        mean: Mean of each feature.
-        spread: Distance that counts 1, of each feature.
-    """
-
-    mean: Floats  # [d]
-    spread: Floats  # [d]
+    mean: Floats  # [d] mean of each feature
+    spread: Floats  # [d] distance that counts 1, of each feature
 
     def __post_init__(self) -> None:
         freeze(self, "mean", "spread")
@@ -138,8 +128,7 @@ class DoubleDQNSettings:
     norm: float = 10.0
 
     def __post_init__(self) -> None:
-        for name in ("hidden", "quantiles", "n_steps", "batch"):
-            check_integer(name, getattr(self, name), low=1)
+        check_amounts(self, hidden=1, quantiles=1, n_steps=1, batch=1)
         check_number("discount", self.discount, low=0.0, high=1.0)
         for name in ("rate", "updates_per_step", "error", "norm"):
             check_number(name, getattr(self, name), low=0.0, low_open=True)
@@ -160,6 +149,7 @@ class DoubleDQN:
 
     Attributes:
         updates: Updates so far.
+        n_rows: Stretches stored so far: one for each step.
         reads_features: As a policy it gets the vector of the environment's features.
     """
 
@@ -188,34 +178,28 @@ class DoubleDQN:
             online, copied(online), copied(online), copied(online), none, none.copy()
         )
         self._rates = Rates(settings.target, settings.average, settings.error, settings.norm)
-        self._n_rows = 0
+        self.n_rows = 0
         self._all = np.ones(n_actions, dtype=np.bool_)
-        self._experience = _empty(0, scaling.mean.size, n_actions)
-
-    @property
-    def n_rows(self) -> int:
-        """Stretches stored so far: one for each step."""
-        return self._n_rows
+        places, numbers = np.zeros((0, scaling.mean.size), np.float32), np.zeros(0, np.float32)
+        self._experience = StretchRows(
+            places,
+            np.zeros(0, np.int64),
+            numbers,
+            places,
+            numbers,
+            np.zeros((0, n_actions), np.bool_),
+        )
 
     def add(
         self,
-        observations: Floats,
-        actions: Integers,
-        rewards: Floats,
+        observations: Floats,  # [T + 1, d] from the first to the last
+        actions: Integers,  # [T]
+        rewards: Floats,  # [T]
         *,
-        terminated: bool,
-        allowed: Booleans | None = None,
+        terminated: bool,  # whether the task ended it; else its last observation has a value
+        allowed: Booleans | None = None,  # [T, A] at each step; at the last observation all are
     ) -> None:
-        """Store the steps of an episode.
-
-        Args:
-            observations: From the first to the last, shape [T + 1, d].
-            actions: Shape [T].
-            rewards: Shape [T].
-            terminated: Whether the task ended it; else its last observation has a value.
-            allowed: Which actions were allowed at each step, shape [T, A]; None for all. At the
-                last observation all count.
-        """
+        """Store the steps of an episode."""
         if not actions.size:
             return
         settings, scale = self._settings, self._reward_scale
@@ -232,20 +216,21 @@ class DoubleDQN:
             new.discounts.astype(np.float32),
             masks[new.end],
         )
-        end = self._n_rows + actions.size
+        end = self.n_rows + actions.size
         if end > self._experience.actions.size:
-            self._experience = _lengthened(self._experience, max(end, 2 * self._n_rows))
-        for name in StretchRows._fields:
-            getattr(self._experience, name)[self._n_rows : end] = getattr(rows, name)
-        self._n_rows = end
+            room = max(end, 2 * self.n_rows)
+            self._experience = StretchRows._make(grown(column, room) for column in self._experience)
+        for column, new_rows in zip(self._experience, rows, strict=True):
+            column[self.n_rows : end] = new_rows
+        self.n_rows = end
 
     def update(self, n: int, generator: np.random.Generator) -> None:
         """Make n updates, on batches of all steps stored."""
-        for begin in range(0, n if self._n_rows else 0, CHUNK):
+        for begin in range(0, n if self.n_rows else 0, CHUNK):
             size = min(CHUNK, n - begin)
             number = np.arange(self.updates, self.updates + size)
             left = 1.0 - np.minimum(number / self._planned, 1.0) * (1.0 - SLOWEST)
-            rows = generator.integers(self._n_rows, size=(size, self._settings.batch))
+            rows = generator.integers(self.n_rows, size=(size, self._settings.batch))
             _kernels.update(
                 self._learning,
                 self._experience,
@@ -257,19 +242,15 @@ class DoubleDQN:
             self.updates += size
 
     def act(self, observation: Floats, allowed: Booleans | None = None) -> int:
-        """Return the action of the largest value at an observation [d], by the present weights.
-
-        Args:
-            observation: Features, not yet scaled.
-            allowed: Which actions are allowed, shape [A]; None for all.
-        """
+        """Return the best action at an observation [d] by the present weights, of those allowed."""
         x = self._scaling(observation)[np.newaxis]
         mask = self._all if allowed is None else allowed
         return int(_kernels.greedy_action(self._learning.online, x, mask))
 
     def action_values(self, observations: Floats) -> Floats:
         """Return Q of each action at observations [N, d], by the averaged weights, shape [N, A]."""
-        found = outputs(self._learning.average, self._scaling(observations))
+        x = np.ascontiguousarray(self._scaling(observations))
+        found = _kernels.outputs(self._learning.average, x).astype(np.float64)
         quantiles = found.reshape(len(found), self._n_actions, self._settings.quantiles)
         values: Floats = quantiles.mean(axis=2) / self._reward_scale
         return values
@@ -292,14 +273,11 @@ class DoubleDQN:
     def state(self) -> dict[str, Float32s | Integers]:
         """Return all weights; with the episodes added again, a learner goes on from there."""
         of = self._learning
-        return {
-            "online": of.online.weights.copy(),
-            "target": of.target.weights.copy(),
-            "average": of.average.weights.copy(),
-            "mean": of.mean.copy(),
-            "square": of.square.copy(),
-            "updates": np.array([self.updates], dtype=np.int64),
+        weights = {
+            name: getattr(of, name).weights.copy() for name in ("online", "target", "average")
         }
+        updates = np.array([self.updates], dtype=np.int64)
+        return weights | {"mean": of.mean.copy(), "square": of.square.copy(), "updates": updates}
 
     def restore(self, state: Mapping[str, Float32s | Integers]) -> None:
         """Take over the arrays of ``state``."""
@@ -311,14 +289,12 @@ class DoubleDQN:
         self.updates = int(state["updates"][0])
 
 
-@dataclass(frozen=True, eq=False)
-class Stretches:
+class Stretches(NamedTuple):
     """The next n steps from each step of an episode."""
 
-    earned: Floats  # [T]; discounted sum of their rewards
-    # Number of the observation they end at; the last one where the episode is shorter
-    end: Integers  # [T]
-    discounts: Floats  # [T]; weight of the value there; 0 where the task ended
+    earned: Floats  # [T] discounted sum of their rewards
+    end: Integers  # [T] observation they end at; the last one where the episode is shorter
+    discounts: Floats  # [T] weight of the value there; 0 where the task ended
 
 
 def stretches(rewards: Floats, discount: float, n_steps: int, *, terminated: bool) -> Stretches:
@@ -343,21 +319,3 @@ def reward_scale_of(rewards: Sequence[Floats], discount: float) -> float:
             value = reward + discount * value
             largest = max(largest, abs(value))
     return LARGEST_RETURN / largest if largest > 0.0 else 1.0
-
-
-def _empty(n: int, d: int, n_actions: int) -> StretchRows:
-    return StretchRows(
-        np.zeros((n, d), np.float32),
-        np.zeros(n, np.int64),
-        np.zeros(n, np.float32),
-        np.zeros((n, d), np.float32),
-        np.zeros(n, np.float32),
-        np.zeros((n, n_actions), np.bool_),
-    )
-
-
-def _lengthened(experience: StretchRows, n: int) -> StretchRows:
-    longer = _empty(n, experience.observations.shape[1], experience.allowed.shape[1])
-    for name in StretchRows._fields:
-        getattr(longer, name)[: experience.actions.size] = getattr(experience, name)
-    return longer
