@@ -11,7 +11,7 @@ import pytest
 from eutree.errors import FormatError
 from eutree.learners import Part, Stored
 from eutree.learners.declared import Declared, action_tree_part, arrays_of, give_back, taken
-from eutree.world_model.action_trees import single_action
+from eutree.world_model.action_trees import packed
 
 
 class Stage(IntEnum):
@@ -40,7 +40,7 @@ def lived():
     learner = at_its_start()
     learner.values, learner.stage, learner.steps = np.array([0.1, 0.2, 0.3]), Stage.SECOND, 5
     learner.known, learner.locked = True, frozenset({3, 1, 2})
-    learner.plan = Plan((4, 2), single_action(1))
+    learner.plan = Plan((4, 2), packed(1))
     learner.controller.tiles = Tiles(np.ones(2))
     return learner
 
@@ -63,8 +63,8 @@ PARTS = (
 
 def test_attributes_become_arrays_of_the_declared_elements():
     state = arrays_of(lived(), PARTS)
-    tree = {name: state.pop(f"plan_{name}").tolist() for name in single_action(1)._fields}
-    assert tree == {name: part.tolist() for name, part in single_action(1)._asdict().items()}
+    tree = {name: state.pop(f"plan_{name}").tolist() for name in packed(1)._fields}
+    assert tree == {name: part.tolist() for name, part in packed(1)._asdict().items()}
     assert {name: array.tolist() for name, array in state.items()} == {
         "values": [0.1, 0.2, 0.3], "numbers": [1, 5], "known": [True], "means": [1.0, 1.0],
         "episodes": [4, 2], "locked": [1, 2, 3],
@@ -82,7 +82,7 @@ def test_all_of_them_come_back_in_the_types_they_had():
     ]  # fmt: skip
     assert learner.locked == frozenset({1, 2, 3})
     assert learner.plan.episodes == (4, 2)
-    assert learner.plan.tree.action.tolist() == single_action(1).action.tolist()
+    assert learner.plan.tree.action.tolist() == packed(1).action.tolist()
     assert isinstance(learner.controller.tiles, Tiles)
     again = arrays_of(learner, PARTS)
     assert {k: a.tobytes() for k, a in again.items()} == {k: a.tobytes() for k, a in state.items()}

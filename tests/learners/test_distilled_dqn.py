@@ -17,7 +17,7 @@ from eutree.learners.distilled_dqn.races import RacedTree
 from eutree.learners.learner import Problem, Start, Step
 from eutree.neural import DoubleDQNSettings
 from eutree.recording import record
-from eutree.world_model.action_trees import packed, single_action
+from eutree.world_model.action_trees import packed
 from eutree.world_model.ensemble import EnsembleSettings
 from eutree.world_model.ensemble_rollouts import EnsembleRollouts
 from tests.learners.battery import checked_state
@@ -233,15 +233,15 @@ def test_a_policy_that_ran_often_outweighs_a_few_lucky_episodes():
     generator = np.random.default_rng(0)
     luck = generator.standard_normal(200)
     luck -= luck.mean()
-    known = RacedTree(single_action(0), "start", returns=(100.0 + 50.0 * luck).tolist())
-    lucky = RacedTree(single_action(1), "cart", returns=[40.0, 190.0, 100.0])
+    known = RacedTree(packed(0), "start", returns=(100.0 + 50.0 * luck).tolist())
+    lucky = RacedTree(packed(1), "cart", returns=[40.0, 190.0, 100.0])
     assert lucky.mean_return > known.mean_return
     assert lucky.sure_worth(0.0) < known.sure_worth(0.0)
-    assert RacedTree(single_action(0), "cart", returns=[1.0]).sure_worth(0.0) == -np.inf
+    assert RacedTree(packed(0), "cart", returns=[1.0]).sure_worth(0.0) == -np.inf
 
 
 def test_of_two_that_earn_as_much_the_smaller_is_worth_more():
-    leaf, stump = single_action(0), packed((0, 0.0, 0, 1))
+    leaf, stump = packed(0), packed((0, 0.0, 0, 1))
     small, large = (RacedTree(tree, "cart", returns=[4.0, 6.0] * 9) for tree in (leaf, stump))
     assert small.worth(0.1) - large.worth(0.1) == pytest.approx(0.1)
     assert small.sure_worth(0.1) > large.sure_worth(0.1)
@@ -292,9 +292,7 @@ def test_a_teacher_of_ones_own_is_asked_and_never_trained(shown, env):
 
 def raced_tree(place, n=40):
     luck = np.random.default_rng(place).standard_normal(n)
-    return RacedTree(
-        single_action(place % 2), "pruned", float(place), (place + 3.0 * luck).tolist()
-    )
+    return RacedTree(packed(place % 2), "pruned", float(place), (place + 3.0 * luck).tolist())
 
 
 @pytest.mark.parametrize(("ordered", "adopted"), [(True, 1), (False, 0)])
@@ -312,8 +310,8 @@ def test_a_model_whose_order_may_be_chance_needs_a_clear_win(ordered, adopted, w
         for one, imagined in zip(others, (3, 9, 5, 2, 11, 6, 4, 10, 8, 7), strict=True):
             one.imagined = float(imagined)
     races.trees = [
-        RacedTree(single_action(0), "start", 0.0, [0.0, -8.0, 8.0]),
-        RacedTree(single_action(1), "pruned", 1.0, (1.3 + 0.01 * pairs).tolist()),
+        RacedTree(packed(0), "start", 0.0, [0.0, -8.0, 8.0]),
+        RacedTree(packed(1), "pruned", 1.0, (1.3 + 0.01 * pairs).tolist()),
         *others,
     ]
     races.entrants = [0, 1]

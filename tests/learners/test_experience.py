@@ -6,7 +6,7 @@ import pytest
 from eutree.data import Episode
 from eutree.learners.distilled_dqn.teaching import ROUNDS, DAgger, Experience, Students
 from eutree.learners.episode_buffer import FinishedEpisode, store
-from eutree.world_model.action_trees import single_action
+from eutree.world_model.action_trees import packed
 
 
 def rows(first: float, n: int) -> np.ndarray:
@@ -49,7 +49,7 @@ def test_each_round_of_dagger_labels_what_its_tree_came_to_see(experience: Exper
         asked.append(len(observations))
         return np.stack([observations[:, 0] - 25.0, 25.0 - observations[:, 0]], axis=1)
 
-    dagger = DAgger(Students(values, 2), experience, 6 * ROUNDS, single_action(0))
+    dagger = DAgger(Students(values, 2), experience, 6 * ROUNDS, packed(0))
     dagger.begin(steps=7)
     assert (dagger.labelled_from, asked) == (3, [7])
     assert not dagger.round_is_over(12)

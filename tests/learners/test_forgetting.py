@@ -179,9 +179,9 @@ def fill_cell(seed, *, spoiled=False):
         keeps, chance = rule.keeps, np.random.default_rng(seed)
 
         def draw_again(*columns):
-            rule.reset(1)
+            rule.bounds[:] = RANKS
             stay = keeps(*columns[:3], rule.draw(columns[3].size, chance))
-            rule.reset(1)
+            rule.bounds[:] = RANKS
             return stay
 
         rule.keeps = draw_again

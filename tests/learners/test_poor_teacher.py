@@ -13,7 +13,7 @@ from eutree.learners.learner import Problem, Start
 from eutree.learners.planning import PlanningMethod
 from eutree.policy_search.planner import Planned, Planner
 from eutree.world_model import leaf_node
-from eutree.world_model.action_trees import single_action
+from eutree.world_model.action_trees import packed
 
 PLAIN = PlanningMethod(
     planner=Planner(incumbent_first=0, trust_demonstrations=True), unpruned_start=False
@@ -21,9 +21,7 @@ PLAIN = PlanningMethod(
 
 
 def test_incumbent_and_challenger_take_turns_until_enough_is_known_of_the_incumbent():
-    plan = Planned(
-        single_action(0), challenger=single_action(1), incumbent_episodes=(0, 1), demonstrations=2
-    )
+    plan = Planned(packed(0), challenger=packed(1), incumbent_episodes=(0, 1), demonstrations=2)
     assert not PLAIN.planner.incumbent_acts(plan)
     planner, acts = Planner(incumbent_first=3), []
     for episode in range(2, 9):
@@ -37,8 +35,8 @@ def test_incumbent_and_challenger_take_turns_until_enough_is_known_of_the_incumb
 def test_an_incumbent_that_was_adopted_early_has_to_prove_itself():
     """Five lucky episodes were the bar for all that came after (returns 87, of a tree worth 60)."""
     plan = Planned(
-        single_action(1),
-        challenger=single_action(0),
+        packed(1),
+        challenger=packed(0),
         incumbent_episodes=(7, 8, 9, 10, 11),
         challenger_episodes=(12, 13, 14, 15),
         demonstrations=3,
@@ -57,7 +55,7 @@ def test_an_incumbent_that_was_adopted_early_has_to_prove_itself():
 )
 def test_challengers_begin_from_an_explorer_that_earns_more_than_the_incumbent(explored, leads):
     """What poor teachers need made planning from good ones dearer, and no better."""
-    plan = Planned(single_action(0), incumbent_episodes=tuple(range(2, 12)), demonstrations=2)
+    plan = Planned(packed(0), incumbent_episodes=tuple(range(2, 12)), demonstrations=2)
     for episode in range(12, 12 + len(explored)):
         plan = plan.with_explored(episode)
     data = SimpleNamespace(episode_returns=np.array([95.0, 95.0, *[60.0] * 10, *explored]))
@@ -68,8 +66,8 @@ def test_challengers_begin_from_an_explorer_that_earns_more_than_the_incumbent(e
 def test_what_the_tree_has_played_itself_can_be_trusted():
     """Practice hands over as demonstrations what the incumbent has played."""
     plan = Planned(
-        single_action(0),
-        challenger=single_action(1),
+        packed(0),
+        challenger=packed(1),
         incumbent_episodes=tuple(range(200)),
         demonstrations=200,
     )

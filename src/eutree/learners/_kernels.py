@@ -40,7 +40,7 @@ class EpisodeColumns(NamedTuple):
     actions: Integers  # [T]
     rewards: Floats  # [T]
     leaves: Int32s  # [T + 1]
-    demonstrated: Booleans  # [T]
+    demonstrated: bool
 
 
 @compiled_later
@@ -71,7 +71,7 @@ def append_rows(
         rows.left[row] = episode.leaves[t]
         # Only a true end has no leaf behind it: after a truncation values still bootstrap.
         rows.entered[row] = TERMINAL if terminated and t == steps - 1 else episode.leaves[t + 1]
-        rows.demonstrated[row] = episode.demonstrated[t]
+        rows.demonstrated[row] = episode.demonstrated
         row += 1
     # The caller has made room for all T rows, so no write above is checked.
     append_to_lists(rows.left, first, row, left, rows.left_link)
@@ -114,28 +114,6 @@ def walk_list(start: int, link: Integers, out: Integers) -> None:
 
 
 @compiled_later
-def merge(
-    one: Integers,  # [n], ascending
-    other: Integers,  # [m], ascending
-    out: Integers,  # [n + m]
-) -> int:
-    """Write the union of two lists of rows, ascending; return its size."""
-    # out[:size] is the union of one[:i] and other[:j]; a row of both moves both on.
-    i, j, size = 0, 0, 0
-    while i < one.size or j < other.size:
-        if j == other.size or (i < one.size and one[i] <= other[j]):
-            if j < other.size and one[i] == other[j]:
-                j += 1
-            out[size] = one[i]
-            i += 1
-        else:
-            out[size] = other[j]
-            j += 1
-        size += 1
-    return size
-
-
-@compiled_later
 def split_list(
     rows: Integers,  # [n], ascending
     goes_right: Booleans,  # [n]
@@ -164,36 +142,9 @@ def split_list(
 
 
 @compiled_later
-def one_step_targets(
-    rows: Integers,  # [n]
-    rewards: Floats,  # [N]
-    entered: Int32s,  # [N]
-    values: Floats,  # [L]
-    discount: float,
-    out: Floats,  # [n]
-) -> None:
-    """Write q = r + discount * V(L(o')) (Eq. 2, corrected); V of a terminal state is 0."""
-    for i in range(rows.size):
-        row = rows[i]
-        out[i] = rewards[row]
-        if entered[row] >= 0:
-            out[i] += discount * values[entered[row]]
-
-
-class Chain(NamedTuple):
-    """The stored transitions as a return goes through them."""
-
-    continues: Booleans  # [N]
-    actions: Int32s  # [N]
-    rewards: Floats  # [N]
-    left: Int32s  # [N]
-    entered: Int32s  # [N]
-
-
-@compiled_later
 def lambda_targets(
     rows: Integers,  # [n]
-    chain: Chain,
+    stored: StoredRows,
     values: Floats,  # [L]
     greedy: Int32s,  # [L]
     discount: float,
@@ -206,7 +157,7 @@ def lambda_targets(
     only while that row's action is the greedy one of its leaf (Watkins's Q(lambda)); there it
     bootstraps with the value of the leaf entered.
     """
-    actions, rewards, left, entered = chain.actions, chain.rewards, chain.left, chain.entered
+    actions, rewards, left, entered = stored.actions, stored.rewards, stored.left, stored.entered
     n_rows = rewards.size
     for i in range(rows.size):
         row = rows[i]
@@ -217,7 +168,7 @@ def lambda_targets(
             if entered[row] < 0:
                 break
             # The action of the row itself counts whatever it was; those after it only while greedy.
-            follows = row + 1 < n_rows and chain.continues[row + 1]
+            follows = row + 1 < n_rows and stored.continues[row + 1]
             if not follows or actions[row + 1] != greedy[left[row + 1]]:
                 total += weight * discount * values[entered[row]]
                 break

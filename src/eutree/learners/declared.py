@@ -107,17 +107,11 @@ class Declared:
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """A stored state under examination.
+    """A stored state under examination."""
 
-    Attributes:
-        path: The file that it comes from.
-        state: Its arrays.
-        sizes: The sizes that letters of axes stand for, as far as they are known.
-    """
-
-    path: Path
-    state: State
-    sizes: dict[str, int]
+    path: Path  # the file that it comes from
+    state: State  # its arrays
+    sizes: dict[str, int]  # the sizes that letters of axes stand for, as far as they are known
 
     def refuse(self, name: str, reason: str) -> FormatError:
         """Return the error for an array."""
@@ -173,15 +167,12 @@ class Found:
         array = self.state[name]
         if array.dtype.kind == "f":
             self._check_numbers(name, stored)
-        bounds = [stored.low, stored.most, stored.below]
-        if not array.size or bounds == [None] * 3:
+        bounds = stored.low, stored.most, stored.below
+        if bounds == (None,) * 3 or not (known := array[array == array]).size:  # all but NaN
             return
-        low, most, below = (None if bound is None else self._bound_of(bound) for bound in bounds)
+        low, most, below = map(self._bound_of, bounds)
         if below is not None:
             most = below - 1
-        known = array[~np.isnan(array)] if array.dtype.kind == "f" else array
-        if not known.size:
-            return
         least, greatest = known.min().item(), known.max().item()
         if (low is not None and least < low) or (most is not None and greatest > most):
             span = f"{'' if low is None else low}..{'' if most is None else most}"
@@ -196,8 +187,8 @@ class Found:
         if not stored.inf and np.isinf(array).any():
             raise self.refuse(name, "must not be infinite")
 
-    def _bound_of(self, bound: Size) -> int:
-        if isinstance(bound, int):
+    def _bound_of(self, bound: Size | None) -> int | None:
+        if bound is None or isinstance(bound, int):
             return bound
         return self.sizes[bound] if bound in self.sizes else int(self.value(bound))
 

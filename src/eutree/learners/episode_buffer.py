@@ -14,21 +14,13 @@ from eutree.world_model import Transitions
 
 
 class FinishedEpisode(NamedTuple):
-    """An episode as arrays.
+    """An episode as arrays."""
 
-    Attributes:
-        observations: Observations, the first one included.
-        actions: Actions.
-        rewards: Their rewards.
-        terminated: Whether the task ended it.
-        allowed: Which actions were allowed at each step; None where all were.
-    """
-
-    observations: Floats  # [T + 1, d]
+    observations: Floats  # [T + 1, d] the first one included
     actions: Integers  # [T]
     rewards: Floats  # [T]
-    terminated: bool
-    allowed: Booleans | None = None  # [T, A]
+    terminated: bool  # whether the task ended it
+    allowed: Booleans | None = None  # [T, A] actions allowed at each step; None where all were
 
 
 class EpisodeBuffer:
@@ -118,21 +110,15 @@ def store_demonstrations(history: History, episodes: Iterable[Episode]) -> None:
 
 def transitions_of(history: History, n_actions: int) -> Transitions:
     """Return a history as planning sees it; the pieces beside a gap count as two episodes."""
+    episodes, gaps = history.episodes.astype(np.int64), ~history.continues
+    gaps[1:] &= episodes[1:] == episodes[:-1]
+    gaps[:1] = False
     return Transitions(
         history.observations,
         history.actions.astype(np.int64),
         history.rewards,
         history.next_observations,
         history.entered == TERMINAL,
-        _as_whole(history.episodes.astype(np.int64), history.continues),
+        episodes + np.cumsum(gaps),
         n_actions,
     )
-
-
-def _as_whole(episodes: Integers, continues: Booleans) -> Integers:
-    """Return numbers of episodes [N] such that the pieces beside a gap count as two."""
-    gaps = ~continues
-    gaps[1:] &= episodes[1:] == episodes[:-1]
-    gaps[:1] = False
-    whole: Integers = episodes + np.cumsum(gaps)
-    return whole

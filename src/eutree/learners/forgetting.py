@@ -22,7 +22,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from eutree.arrays import Booleans, Int32s, Integers
+from eutree.arrays import Booleans, Int32s, Integers, grown
 
 RANKS = 2**32
 _FREED = 8
@@ -32,12 +32,7 @@ Labels = NDArray[np.integer[Any]]
 
 
 class LeafReservoirs:
-    """A reservoir for each leaf and action.
-
-    Args:
-        max_transitions: Most transitions stored.
-        n_leaves: Number of leaves L.
-        n_actions: Number of actions A.
+    """A reservoir for each leaf and action, of ``max_transitions`` together.
 
     Attributes:
         bounds: Bound of each reservoir, shape [L, A].
@@ -73,21 +68,14 @@ class LeafReservoirs:
         scaled = ranks.astype(np.uint64) * np.uint64(RANKS) // self.bounds[leaves, actions]
         return scaled.astype(np.uint32)
 
-    def reset(self, n_leaves: int, leaves: list[int] | None = None) -> None:
-        """Let the reservoirs of ``leaves`` (None: of all) take in everything again."""
-        bounds = np.full((n_leaves, self.bounds.shape[1]), RANKS, dtype=np.uint64)
-        if leaves is not None:
-            shared = min(n_leaves, len(self.bounds))
-            bounds[:shared] = self.bounds[:shared]
-            bounds[leaves] = RANKS
-        self.bounds = bounds
+    def reset(self, leaf: int, new_leaf: int) -> None:
+        """Let the reservoirs of both halves of a split leaf take in everything again."""
+        self.bounds = grown(self.bounds, new_leaf + 1, RANKS)
+        self.bounds[leaf] = RANKS
 
 
 class RecentEpisodes:
-    """The most recent episodes, and one reservoir of older ones.
-
-    Args:
-        max_transitions: Most transitions stored.
+    """The most recent episodes, and one reservoir of older ones, of ``max_transitions`` together.
 
     Attributes:
         bounds: Bound of the reservoir of older episodes, shape [1].

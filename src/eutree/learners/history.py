@@ -11,7 +11,7 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from eutree.arrays import Booleans, Floats, Int32s, Integers
+from eutree.arrays import Booleans, Floats, Int32s, Integers, grown
 from eutree.compiled import machine_code
 from eutree.errors import InvalidArgumentError
 from eutree.learners import _kernels
@@ -35,7 +35,7 @@ class Columns:
         whole: Each column with its spare room, shape [C, ...]; other arrays after ``reserve``.
     """
 
-    def __init__(self, kinds: Mapping[str, tuple[tuple[int, ...], type]]) -> None:
+    def __init__(self, kinds: Mapping[str, tuple[tuple[int, ...], str]]) -> None:
         self.size = 0
         self.whole: dict[str, NDArray[Any]] = {
             name: np.empty((_FIRST_ROOM, *shape), dtype) for name, (shape, dtype) in kinds.items()
@@ -61,9 +61,8 @@ class Columns:
         spare = int(self._room * _GROWTH) + 1
         self._room = max(size, spare if most is None else min(spare, most))
         for name, column in self.whole.items():
-            grown = np.empty((self._room, *column.shape[1:]), dtype=column.dtype)
-            grown[: self.size] = column[: self.size]
-            self.whole[name] = grown
+            self.whole[name] = np.empty((self._room, *column.shape[1:]), dtype=column.dtype)
+            self.whole[name][: self.size] = column[: self.size]
         return True
 
     def keep(self, stay: Booleans) -> None:
@@ -120,27 +119,16 @@ class LeafRows:
 
     def split(self, leaf: int, new_leaf: int, rows: Integers, goes_right: Booleans) -> None:
         """Give those of a leaf's rows that go right, shape [n], to a new leaf."""
-        self.lists = _with_room(self.lists, new_leaf + 1)
+        if new_leaf >= (size := self.lists.counts.size):
+            room = max(new_leaf + 1, 2 * size)
+            self.lists = _kernels.RowLists._make(grown(column, room) for column in self.lists)
         leaves, link = (self._columns.whole[name] for name in (self._side, self._link))
         _kernels.split_list(rows, goes_right, leaf, new_leaf, leaves, self.lists, link)
 
 
 def _no_rows(n_leaves: int) -> _kernels.RowLists:
-    """Return an empty list for each leaf."""
-    return _kernels.RowLists(
-        np.full(n_leaves, _kernels.NO_ROW, dtype=np.int64),
-        np.full(n_leaves, _kernels.NO_ROW, dtype=np.int64),
-        np.zeros(n_leaves, dtype=np.int64),
-    )
-
-
-def _with_room(lists: _kernels.RowLists, n_leaves: int) -> _kernels.RowLists:
-    """Return the lists themselves if there is one for each leaf, else at least twice as many."""
-    size = lists.counts.size
-    if n_leaves <= size:
-        return lists
-    pairs = zip(lists, _no_rows(max(n_leaves - size, size)), strict=True)
-    return _kernels.RowLists(*(np.append(old, new) for old, new in pairs))
+    """Return an empty list for each leaf; where the count is 0, head and tail say nothing."""
+    return _kernels.RowLists(*np.zeros((3, n_leaves), dtype=np.int64))
 
 
 TERMINAL = _kernels.TERMINAL
@@ -162,6 +150,9 @@ class Relabelling:
 class _View(Generic[_Array]):
     """A column of a history's store, by the name of the attribute; a view."""
 
+    def __init__(self, dtype: str, *, of_features: bool = False) -> None:
+        self.dtype, self.of_features = dtype, of_features
+
     def __set_name__(self, owner: type, name: str) -> None:
         self._name = name
 
@@ -180,7 +171,7 @@ class History:
 
     Attributes:
         columns: All that is stored of each transition, ``allowed`` too once actions were masked.
-        observations: Observation o of each; this and the next eight are views of columns.
+        observations: Observation o of each; this and the next ten are views of columns.
         next_observations: Observation o'.
         actions: Action.
         rewards: Reward.
@@ -189,6 +180,8 @@ class History:
         left: Leaf L(o) that it left.
         entered: Leaf L(o') that it entered, ``TERMINAL`` at the end.
         demonstrated: Whether another agent showed it.
+        left_link: Next row that left the same leaf, as ``LeafRows`` keeps it.
+        entered_link: Next row that entered the same leaf.
         leaving: The rows that left each leaf.
         entering: The rows that entered each leaf.
         forgetting: The rule it forgets by, or None.
@@ -196,15 +189,17 @@ class History:
         n_episodes: Number of episodes stored.
     """
 
-    observations: _View[Floats] = _View()  # [N, d]
-    next_observations: _View[Floats] = _View()  # [N, d]
-    actions: _View[Int32s] = _View()  # [N]
-    rewards: _View[Floats] = _View()  # [N]
-    episodes: _View[Int32s] = _View()  # [N]
-    continues: _View[Booleans] = _View()  # [N]
-    left: _View[Int32s] = _View()  # [N]
-    entered: _View[Int32s] = _View()  # [N]
-    demonstrated: _View[Booleans] = _View()  # [N]
+    observations: _View[Floats] = _View("f8", of_features=True)  # [N, d]
+    next_observations: _View[Floats] = _View("f8", of_features=True)  # [N, d]
+    actions: _View[Int32s] = _View("i4")  # [N]
+    rewards: _View[Floats] = _View("f8")  # [N]
+    episodes: _View[Int32s] = _View("i4")  # [N]
+    continues: _View[Booleans] = _View("b1")  # [N]
+    left: _View[Int32s] = _View("i4")  # [N]
+    entered: _View[Int32s] = _View("i4")  # [N]
+    demonstrated: _View[Booleans] = _View("b1")  # [N]
+    left_link: _View[Integers] = _View("i8")  # [N]
+    entered_link: _View[Integers] = _View("i8")  # [N]
 
     def __init__(
         self, n_features: int, n_leaves: int, forgetting: Forgetting | None = None
@@ -212,23 +207,11 @@ class History:
         self.n_seen = 0
         self.n_episodes = 0
         self.forgetting = forgetting
-        ranks = {} if forgetting is None else {"ranks": ((), np.uint32)}
-        self.columns = Columns(
-            {
-                "observations": ((n_features,), np.float64),
-                "next_observations": ((n_features,), np.float64),
-                "actions": ((), np.int32),
-                "rewards": ((), np.float64),
-                "episodes": ((), np.int32),
-                "continues": ((), np.bool_),
-                "left": ((), np.int32),
-                "entered": ((), np.int32),
-                "demonstrated": ((), np.bool_),
-                "left_link": ((), np.int64),
-                "entered_link": ((), np.int64),
-            }
-            | ranks
-        )
+        views = {name: view for name, view in vars(History).items() if isinstance(view, _View)}
+        kinds = {
+            name: ((n_features,) * view.of_features, view.dtype) for name, view in views.items()
+        }
+        self.columns = Columns(kinds if forgetting is None else kinds | {"ranks": ((), "u4")})
         self.leaving = LeafRows(self.columns, "left", n_leaves)
         self.entering = LeafRows(self.columns, "entered", n_leaves)
         self._append: Callable[..., int] | None = None
@@ -242,6 +225,11 @@ class History:
     def size(self) -> int:
         """Number of transitions N."""
         return self.columns.size
+
+    @property
+    def rows(self) -> _kernels.StoredRows:
+        """The transitions as compiled loops read them; views."""
+        return _kernels.StoredRows(*(self.columns[name] for name in _kernels.StoredRows._fields))
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Return the transitions as arrays; their labels and lists follow from the tree."""
@@ -293,7 +281,7 @@ class History:
         leaves: Int32s,  # [T + 1]
         *,
         terminated: bool,
-        demonstrated: Booleans | bool = False,  # [T]
+        demonstrated: bool = False,
         generator: np.random.Generator | None = None,
         allowed: Booleans | None = None,  # [T, A]
     ) -> Booleans:
@@ -306,20 +294,18 @@ class History:
             Which of the transitions are stored, shape [T].
         """
         steps = len(actions)
-        if isinstance(demonstrated, bool):
-            demonstrated = np.full(steps, demonstrated)
         episode = _kernels.EpisodeColumns(
             np.ascontiguousarray(observations, dtype=np.float64),
             np.ascontiguousarray(actions, dtype=np.int64),
             np.ascontiguousarray(rewards, dtype=np.float64),
             np.ascontiguousarray(leaves, dtype=np.int32),
-            np.ascontiguousarray(demonstrated, dtype=np.bool_),
+            demonstrated,
         )
-        sizes = tuple(len(column) for column in episode)
-        if sizes != (steps + 1, steps, steps, steps + 1, steps):
+        sizes = [len(column) for column in (observations, actions, rewards, leaves)]
+        if sizes != [steps + 1, steps, steps, steps + 1]:
             raise InvalidArgumentError(
                 f"an episode of {steps} actions must have as many rewards and one more "
-                f"observation and leaf, got {list(sizes)}"
+                f"observation and leaf, got {sizes}"
             )
         columns, rule = self.columns, self.forgetting
         first, last, stored = columns.size, columns.size + steps, np.ones(steps, dtype=np.bool_)
@@ -380,15 +366,14 @@ class History:
         Rows with ``x[feature] <= threshold`` keep ``leaf``, the others get ``new_leaf``.
         """
         leaving, entering = self.leaving.of(leaf), self.entering.of(leaf)
-        rows = np.empty(leaving.size + entering.size, dtype=np.int64)
-        rows = rows[: _kernels.merge(leaving, entering, rows)]
+        rows = np.union1d(leaving, entering)
         rule = self.forgetting
         if isinstance(rule, LeafReservoirs):  # those of a leaf that changes take in all again
             ranks = self.columns["ranks"]
             ranks[leaving] = rule.rescaled(
                 self.left[leaving], self.actions[leaving], ranks[leaving]
             )
-            rule.reset(new_leaf + 1, [leaf, new_leaf])
+            rule.reset(leaf, new_leaf)
         old_left, old_entered = self.left[rows], self.entered[rows]
         goes_right = ~(self.observations[leaving, feature] <= threshold)
         self.leaving.split(leaf, new_leaf, leaving, goes_right)

@@ -126,20 +126,6 @@ class Problem:
         return Declared(self.n_features, self.n_actions, parts, sizes)
 
 
-class FirstLeaves(NamedTuple):
-    """The leaves that a start gives to a method that discretizes.
-
-    Attributes:
-        tree: A single leaf, or the expert tree's structure.
-        actions: Action of each leaf while nothing is known of it, shape [L].
-        locked: Leaves that nothing may change, in order.
-    """
-
-    tree: DecisionTree
-    actions: Integers  # [L]
-    locked: tuple[int, ...]
-
-
 @dataclass(frozen=True, eq=False)
 class Start:
     """Where a learner begins.
@@ -165,12 +151,16 @@ class Start:
             return "demos" if self.episodes else "nothing"
         return "tree+demos" if self.episodes else "tree"
 
-    def first_leaves(self, problem: Problem) -> FirstLeaves:
-        """Return the leaves to begin from: those of the expert tree, or a single one."""
+    def first_leaves(self, problem: Problem) -> tuple[DecisionTree, Integers, tuple[int, ...]]:
+        """Return the tree to begin from, the expert's or a single leaf.
+
+        With it come the action of each leaf while nothing is known of it, shape [L], and the leaves
+        that nothing may change, in order.
+        """
         if self.expert is None:
             single = DecisionTree.single_leaf(problem.n_features)
-            return FirstLeaves(single, np.zeros(1, dtype=np.int64), ())
-        return FirstLeaves(self.expert.tree, self.expert.actions, self.expert.locked)
+            return single, np.zeros(1, dtype=np.int64), ()
+        return self.expert.tree, self.expert.actions, self.expert.locked
 
 
 class LeafSplit(NamedTuple):

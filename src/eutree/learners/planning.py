@@ -8,7 +8,6 @@ leaves: returns decide.
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -45,9 +44,10 @@ from eutree.learners.learner import (
     Step,
     Update,
 )
-from eutree.policies import LeafStatistics
-from eutree.policies.leaf_statistics import orders_of, returns_by_action
+from eutree.policies import LeafStatistics, TreePolicy
+from eutree.policies.leaf_statistics import returns_by_action
 from eutree.policy_search.planner import Planned, Planner
+from eutree.schema import Schema
 from eutree.trees import DecisionTree
 from eutree.trees.edit import graft
 from eutree.validation import check_amounts, check_number
@@ -92,14 +92,7 @@ class PlanningMethod(MethodOfParts):
 
     def start(self, problem: Problem, start: Start) -> "ModelPlanning":
         """Return the learner at its start: the expert tree, if there is one, is the incumbent."""
-        tree, actions, locked = start.first_leaves(problem)
-        informed = start.expert is not None and not start.random
-        learner = ModelPlanning(
-            tree, actions, problem.n_actions, self, informed=informed, locked=locked
-        )
-        if start.episodes:
-            learner.add_demonstrations(start.episodes)
-        return learner
+        return ModelPlanning(self, problem, start)
 
     @property
     def parts(self) -> tuple[Part, ...]:
@@ -137,14 +130,6 @@ _PLAN = (
 class ModelPlanning:
     """A learner that plans whole trees in a world model, and tries them.
 
-    Args:
-        tree: The tree to start from.
-        actions: Action of each of its leaves, shape [L].
-        n_actions: Number of actions A.
-        method: How to plan.
-        informed: Whether the actions are an expert's; if not, the first explorer acts at random.
-        locked: Leaves that stay as they are, without exploration.
-
     Attributes:
         tree: The incumbent's tree; a value, so keeping a reference freezes it.
         actions: Action of each of its leaves.
@@ -154,26 +139,22 @@ class ModelPlanning:
         n_actions: Number of actions A.
     """
 
-    def __init__(
-        self,
-        tree: DecisionTree,
-        actions: Integers,
-        n_actions: int,
-        method: PlanningMethod,
-        *,
-        informed: bool,
-        locked: Iterable[int] = (),
-    ) -> None:
-        self.tree, self.actions = tree, np.array(actions)
-        self.n_actions = n_actions
+    def __init__(self, method: PlanningMethod, problem: Problem, start: Start) -> None:
+        self.tree, actions, locked = start.first_leaves(problem)
+        self.actions = np.array(actions)
+        self.n_actions = problem.n_actions
         self.method = method
-        self.plan = Planned(from_decision_tree(tree, actions))
+        self.plan = Planned(from_decision_tree(self.tree, actions))
         room = method.max_transitions  # of whole episodes: a planner needs them
-        self.history = History(tree.n_features, 1, None if room is None else RecentEpisodes(room))
-        self._informed = informed
-        self._locked = frozenset(locked)
+        forgetting = None if room is None else RecentEpisodes(room)
+        self.history = History(self.tree.n_features, 1, forgetting)
+        # Where the actions are no expert's, the first explorer acts at random.
+        self._informed = start.expert is not None and not start.random
+        self._locked = frozenset(locked)  # leaves that stay as they are, without exploration
         self._steps = EpisodeBuffer()
         self._acting: ActionTree | None = None
+        if start.episodes:
+            self.add_demonstrations(start.episodes)
 
     def add_demonstrations(self, episodes: Iterable[Episode]) -> None:
         """Store the expert's episodes; they count as the incumbent's."""
@@ -207,8 +188,9 @@ class ModelPlanning:
             actor = plan.incumbent if plan.explorer is None else plan.explorer
             self._exploration = 1.0 if blind else self.method.exploration
         if actor is not self._acting:  # most episodes are those of the tree before
-            tree, actions = to_decision_tree(actor, self.tree.n_features)
-            self._acting, self._actor = actor, _Actor(tree, actions, self.n_actions)
+            schema = Schema.anonymous(self.tree.n_features, self.n_actions)
+            self._acting = actor
+            self._actor = TreePolicy(*to_decision_tree(actor, schema.n_features), schema)
 
     def act(self, allowed: Booleans | None = None) -> int:
         """Return the acting tree's action for the present observation; the explorer's may err."""
@@ -218,7 +200,7 @@ class ModelPlanning:
                 return int(self.actions[leaf])
         if self._exploration > 0.0 and self._steps.generator.random() < self._exploration:
             return random_action(self._steps.generator, self.n_actions, allowed)
-        return self._actor.act(self._steps.present, allowed)
+        return self._actor.act(self._steps.present.tolist(), allowed)
 
     def observe(self, step: Step) -> None:
         """Take a step."""
@@ -301,27 +283,6 @@ class ModelPlanning:
             n_leaves=self.tree.n_leaves,
             n_actions=self.n_actions,
         )
-
-
-class _Actor:
-    """The tree that acts in an episode."""
-
-    def __init__(self, tree: DecisionTree, actions: Integers, n_actions: int) -> None:
-        self._tree, self._actions, self._n_actions = tree, actions.tolist(), n_actions
-
-    def act(self, observation: Floats, allowed: Booleans | None = None) -> int:
-        """Return the action at an observation, shape [d], among those that are allowed, [A]."""
-        leaf = self._tree.leaf_of(observation.tolist())
-        action: int = self._actions[leaf]
-        if allowed is None or allowed[action]:
-            return action
-        order = self._orders[leaf]
-        return int(order[allowed[order].argmax()])
-
-    @cached_property
-    def _orders(self) -> Integers:
-        """The order of the actions in each leaf, shape [L, A]."""
-        return orders_of(self._tree, np.array(self._actions), self._n_actions, None)
 
 
 DEFAULT = PlanningMethod()

@@ -77,7 +77,9 @@ class Methods(Mapping[str, type[Method]]):
 
     def __getitem__(self, name: str) -> type[Method]:
         if name not in self._known:
-            found = _entry_points_of(name)
+            # Another distribution cannot take the place of ours.
+            ours = [EntryPoint(name, _OURS[name], GROUP)] if name in _OURS else []
+            found = ours or list(entry_points(group=GROUP, name=name))
             if not found:
                 raise KeyError(name)
             self._known[name] = _loaded(name, found)
@@ -264,13 +266,6 @@ def _installed(name: str) -> type[Method]:
         raise UnknownNameError("method", name, {*METHODS, *PRESETS}, hint=_HINT) from None
 
 
-def _entry_points_of(name: str) -> list[EntryPoint]:
-    """Return where a method is found; another distribution cannot take the place of ours."""
-    if name in _OURS:
-        return [EntryPoint(name, _OURS[name], GROUP)]
-    return list(entry_points(group=GROUP, name=name))
-
-
 def _loaded(name: str, found: list[EntryPoint]) -> type[Method]:
     """Return the class that an entry point names, under which it must be known itself.
 
@@ -348,17 +343,11 @@ _ATTRIBUTE = re.compile(r"^    (\w+): ", re.MULTILINE)
 
 
 class Choice(NamedTuple):
-    """A choice of a method.
+    """A choice of a method."""
 
-    Attributes:
-        name: Its name, with dots.
-        value: The choice, in JSON's types.
-        text: Its purpose, as the docstring of its class says.
-    """
-
-    name: str
-    value: Any
-    text: str
+    name: str  # its name, with dots
+    value: Any  # the choice, in JSON's types
+    text: str  # its purpose, as the docstring of its class says
 
 
 def choices_of(method: Method) -> list[Choice]:

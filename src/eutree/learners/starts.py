@@ -27,15 +27,16 @@ from eutree.learners.learner import Problem, Start, StartName
 from eutree.policies import TreePolicy
 from eutree.policies.reach import among_allowed, within_kinds
 from eutree.trees import DecisionTree
+from eutree.trees.boxes import leaf_boxes
 from eutree.validation import check_choice, check_kind, check_vector
 
-_RELEASE_8 = C45Settings()
+RELEASE_8 = C45Settings()
 
 
 def fit_expert_tree(
     demonstrations: Demonstrations,
     *,
-    settings: C45Settings = _RELEASE_8,
+    settings: C45Settings = RELEASE_8,
     weights: ArrayLike | None = None,
 ) -> TreePolicy:
     """Return the policy that C4.5 learns from demonstrations: observations to the expert's actions.
@@ -79,7 +80,6 @@ def fit_expert_tree(
 # against careless keys, CF smaller. One previous observation as features shows what moves where.
 
 
-RELEASE_8 = C45Settings()
 FOLDS = 5  # of whole episodes
 SETTINGS = tuple(
     C45Settings(use_penalty=penalty, min_objects=least, confidence=confidence, collapse=collapse)
@@ -92,19 +92,12 @@ SETTINGS = tuple(
 
 @dataclass(frozen=True, eq=False)
 class FittedTree:
-    """A tree to choose, and how it was made.
+    """A tree to choose, and how it was made."""
 
-    Attributes:
-        policy: The tree.
-        settings: The choices of C4.5 that made it.
-        correct: Share of the steps of each episode that a tree of the others decides as shown.
-        repairs: The changes of the tree since, in words.
-    """
-
-    policy: TreePolicy
-    settings: C45Settings
-    correct: Floats  # [E]
-    repairs: tuple[str, ...] = ()
+    policy: TreePolicy  # the tree
+    settings: C45Settings  # the choices of C4.5 that made it
+    correct: Floats  # [E] share of an episode's steps that a tree of the others decides as shown
+    repairs: tuple[str, ...] = ()  # the changes of the tree since, in words
 
     def __str__(self) -> str:
         """Return how the tree was made, in words."""
@@ -200,21 +193,14 @@ RANDOM_LEAVES = 16
 
 
 def start_of(
-    name: str | None,
+    name: str | None,  # None takes all that is given
     problem: Problem,
     *,
-    demonstrations: Demonstrations | None = None,
-    expert: TreePolicy | None = None,
-    generator: np.random.Generator,
+    demonstrations: Demonstrations | None = None,  # in the features of the problem
+    expert: TreePolicy | None = None,  # if needed and not given, fitted to the demonstrations
+    generator: np.random.Generator,  # of a random tree
 ) -> Start:
     """Return a start.
-
-    Args:
-        name: Which; None takes all that is given.
-        problem: The task.
-        demonstrations: Episodes of an expert, in the features of the problem.
-        expert: The expert tree; fitted to the demonstrations if it is needed and not given.
-        generator: Source of a random tree.
 
     Raises:
         InvalidArgumentError: The start lacks something that it needs.
@@ -245,26 +231,17 @@ def start_of(
 def random_tree(
     problem: Problem, low: Floats, high: Floats, generator: np.random.Generator
 ) -> TreePolicy:
-    """Return a tree of ``RANDOM_LEAVES`` random cuts, or fewer, with random actions.
+    """Return a tree of ``RANDOM_LEAVES`` leaves, or fewer, with random actions.
 
-    Args:
-        problem: The task.
-        low: Smallest value of each feature, shape [d].
-        high: Largest value of each feature, shape [d].
-        generator: Source of the cuts and the actions.
+    Its cuts lie between the smallest and the largest value of each feature, shape [d].
     """
     tree = DecisionTree.single_leaf(problem.n_features)
-    boxes = [(low, high)]
-    while len(boxes) < RANDOM_LEAVES and (low < high).any():
-        leaf = int(generator.integers(len(boxes)))
-        below, above = boxes[leaf]
+    while tree.n_leaves < RANDOM_LEAVES and (low < high).any():
+        leaf = int(generator.integers(tree.n_leaves))
         feature = int(generator.choice(np.flatnonzero(low < high)))
-        threshold = float(generator.uniform(below[feature], above[feature]))
-        tree = tree.split(leaf, feature, threshold)
-        left, right = above.copy(), below.copy()
-        left[feature] = right[feature] = threshold
-        boxes[leaf] = (below, left)
-        boxes.append((right, above))
+        below, above = (box[leaf, feature] for box in leaf_boxes(tree))
+        ends = max(below, low[feature]), min(above, high[feature])
+        tree = tree.split(leaf, feature, float(generator.uniform(*ends)))
     return TreePolicy(
         tree=tree,
         actions=generator.integers(problem.n_actions, size=tree.n_leaves),

@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from eutree.arrays import Floats, read_only
+from eutree.arrays import Floats, grown, read_only
 from eutree.errors import InvalidArgumentError
 from eutree.mdp import _kernels
 from eutree.mdp import _kernels_sweeping as _sweeping
-from eutree.mdp.counts import TransitionCounts, grown
+from eutree.mdp.counts import TransitionCounts
 from eutree.mdp.solver import Solution, solve
 from eutree.validation import check_integer, check_number
 
@@ -129,11 +129,6 @@ class TabularMDP:
         """Q(s, a) (Eq. 5) as of the last backup of each state, shape [S, A]."""
         return read_only(self._arrays.action_values[: self.n_states])
 
-    def action_values_of(self, state: int) -> list[float]:
-        """Return Q(s, a) of one state; without the cost of a view, for every step of a learner."""
-        row: list[float] = self._arrays.action_values[state].tolist()
-        return row
-
     @property
     def nbytes(self) -> int:
         """Bytes held in arrays."""
@@ -175,10 +170,10 @@ class TabularMDP:
         room, old = len(self.counts.arrays.visits), self._arrays
         if room > len(old.values):
             self._arrays = old._replace(
-                values=grown(old.values, room, 0.0),
+                values=grown(old.values, room),
                 action_values=grown(old.action_values, room, old.settings[_sweeping.UNTRIED]),
                 heap=grown(old.heap.T, room, _sweeping.NO_PLACE).T.copy(),
-                priority=grown(old.priority, room, 0.0),
+                priority=grown(old.priority, room),
                 touched=np.zeros((2, room), np.int32),
                 saved=np.empty((room, old.saved.shape[1])),
             )

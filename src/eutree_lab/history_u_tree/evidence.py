@@ -114,9 +114,6 @@ class EvidentUTree(UTree):
         )
         return replace(super().decisions(), statistics=statistics)
 
-    def _greedy(self, leaf: int) -> int:
-        return int(self._prior[leaf])
-
     def _split(self, leaf: int, split: Split) -> LeafSplit:
         made = super()._split(leaf, split)
         self._values = np.append(self._values, self._values[leaf])

@@ -27,26 +27,19 @@ from eutree.world_model.ensemble import Ensemble, EnsembleSettings, fit_ensemble
 from eutree.world_model.ensemble_rollouts import EnsembleRollouts, pruned_by_rollouts
 
 RACED_TREE = "contender_"  # a raced tree's arrays: checkpoints keep the word of the first release
+# The start, CART as it is, or pruned by imagined returns from a plain or from a weighted CART.
 ORIGINS = ("start", "cart", "pruned", "pruned-weighted")
 UNKNOWN = float("nan")
 
 
 @dataclass
 class RacedTree:
-    """A tree that is, was or may become the policy.
-
-    Attributes:
-        tree: The tree.
-        origin: How it was made: the start, CART as it is, or pruned by imagined returns from a
-            plain or from a weighted CART.
-        imagined: Its score in the latest world model; NaN before the first.
-        returns: Its returns in all races so far.
-    """
+    """A tree that is, was or may become the policy."""
 
     tree: ActionTree
-    origin: str
-    imagined: float = UNKNOWN
-    returns: list[float] = field(default_factory=list)
+    origin: str  # how it was made, one of ``ORIGINS``
+    imagined: float = UNKNOWN  # its score in the latest world model; NaN before the first
+    returns: list[float] = field(default_factory=list)  # its returns in all races so far
 
     @property
     def mean_return(self) -> float:
@@ -120,14 +113,7 @@ FEW_RETURNS = 4  # below which a tree's mean says nothing
 
 
 class ImaginedChallengers:
-    """A world model, and the trees that it speaks for.
-
-    Args:
-        settings: How the model is fitted.
-        students: The teacher's labels, and trees that copy them.
-        experience: What the model is fitted to.
-        n_actions: Number of actions.
-        max_leaves: Most leaves of a challenger.
+    """A world model, fitted to the experience, and the trees that it speaks for.
 
     Attributes:
         ensemble: The model; None before it is first fitted.

@@ -17,17 +17,14 @@ from eutree.learners.episode_buffer import store_demonstrations
 from eutree.learners.history import TERMINAL, History
 from eutree.neural import DoubleDQN, DoubleDQNSettings, Scaling
 from eutree.neural.double_dqn import reward_scale_of
-from eutree.policies.leaf_statistics import orders_of
+from eutree.policies import TreePolicy
+from eutree.schema import Schema
 from eutree.world_model import ActionTree, leaf_node
 from eutree.world_model.action_trees import from_decision_tree, to_decision_tree
 
 
 class Experience:
     """All episodes of a learner, the demonstrations first.
-
-    Args:
-        n_features: Number of features of an observation.
-        demonstrations: The first episodes.
 
     Attributes:
         history: Their transitions.
@@ -139,11 +136,9 @@ class Students:
         action = int(tree.action[leaf_node(tree, 0, observation)])
         if allowed is None or allowed[action]:
             return action
-        whole, actions = to_decision_tree(tree, observation.size)
-        order = orders_of(whole, actions, self._n_actions, None)[
-            whole.leaf_of(observation.tolist())
-        ]
-        return int(order[allowed[order].argmax()])
+        schema = Schema.anonymous(observation.size, self._n_actions)
+        policy = TreePolicy(*to_decision_tree(tree, observation.size), schema)
+        return policy.act(observation.tolist(), allowed)
 
     def agree(self, tree: ActionTree, observations: Floats, actions: Int32s) -> bool:
         """Return whether a tree does just this at observations [T, d]."""
@@ -225,15 +220,6 @@ def best_of(values: Floats, allowed: Booleans | None) -> Integers:
 class NetworkTeacher:
     """A Double DQN that learns from a run's episodes, the demonstrations first.
 
-    Args:
-        settings: How it learns.
-        n_actions: Number of actions.
-        demonstrations: The demonstrations.
-        history: They, stored.
-        updates: Updates before its first step; at most one for each transition.
-        steps: Steps that it is going to learn from.
-        generator: Source of its first weights.
-
     Attributes:
         policy: The network; as a policy it decides by its averaged weights.
         known: How many episodes it has learned from, with the demonstrations.
@@ -244,11 +230,11 @@ class NetworkTeacher:
         settings: DoubleDQNSettings,
         n_actions: int,
         demonstrations: Sequence[Episode],
-        history: History,
+        history: History,  # the demonstrations, stored
         *,
-        updates: int,
-        steps: int,
-        generator: np.random.Generator,
+        updates: int,  # before its first step; at most one for each transition
+        steps: int,  # that it is going to learn from
+        generator: np.random.Generator,  # of its first weights
     ) -> None:
         self._per_step = settings.updates_per_step
         self._first_updates = min(updates, history.size)

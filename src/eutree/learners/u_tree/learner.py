@@ -46,10 +46,8 @@ from eutree.learners.u_tree.leaves import (
     LeafSteps,
     OneStep,
     Target,
-    counted,
-    counted_again,
 )
-from eutree.mdp import TabularMDP
+from eutree.mdp import TabularMDP, TransitionCounts
 from eutree.policies.leaf_statistics import leaf_statistics
 from eutree.splitting import KolmogorovSmirnov, LeafSample, Naive, SignificanceTest, Split
 from eutree.trees import DecisionTree
@@ -232,7 +230,7 @@ class UTree:
             leaves = self.tree.leaf_index(episode.observations)
             store(self.history, episode, leaves, demonstrated=True)
             self.history.forget()
-        self.mdp = counted_again(self.mdp, self.history)
+        self._recount()
         self._solve()
 
     # Data gathering phase (Table 1) -------------------------------------------------------------
@@ -269,7 +267,7 @@ class UTree:
             if not stored.all():
                 self._uncount(one, stored)
             if self.history.forget() is not None:
-                self.mdp = counted_again(self.mdp, self.history)
+                self._recount()
 
     def _uncount(self, episode: LeafEpisode, stored: Booleans) -> None:
         """Take back the counts of those transitions of the last episode that were not stored."""
@@ -347,7 +345,7 @@ class UTree:
 
     def _split(self, leaf: int, split: Split) -> LeafSplit:
         """Split ``leaf`` in all but the tree; relabel its transitions and recount just those."""
-        greedy = self._greedy(leaf)
+        greedy = int(self.greedy_actions()[leaf])
         new_leaf = self.mdp.add_state(float(self.mdp.values[leaf]))
         moved = self.history.split(leaf, new_leaf, split.feature, split.threshold)
         actions = self.history.actions
@@ -411,16 +409,16 @@ class UTree:
 
     def counted(self, state: Arrays | None = None) -> TabularMDP:
         """Return an MDP over the leaves that counts the history; its ``state()`` may be known."""
-        counts = counted(self.history, self.tree.n_leaves, self.n_actions)
+        rows = self.history.left, self.history.actions, self.history.rewards, self.history.entered
+        shape = {"n_states": self.tree.n_leaves, "n_actions": self.n_actions}
+        counts = TransitionCounts.of(*rows, **shape)
         mdp = TabularMDP(counts, self.method.discount, untried=self.method.untried_value)
         if state is not None:
-            mdp.restore(state)
+            mdp.restore({"reward_sums": counts.reward_sums.copy()} | state)
         return mdp
 
-    def _greedy(self, leaf: int) -> int:
-        """Return the action of one leaf; the same rule as ``greedy_actions``, for a single step."""
-        best, best_value = -1, -np.inf
-        for action, value in enumerate(self.mdp.action_values_of(leaf)):
-            if value > best_value:
-                best, best_value = action, value
-        return best if best >= 0 else int(self._prior[leaf])
+    def _recount(self) -> None:
+        """Count the transitions that are stored now; V, Q and the queue stay."""
+        state = self.mdp.state()
+        del state["reward_sums"]
+        self.mdp = self.counted(state)

@@ -1,4 +1,4 @@
-"""The memory of the learner of Table 1 on its leaves: their targets, their counts, an episode.
+"""The memory of the learner of Table 1 on its leaves: their targets, and an episode.
 
 The Continuous U-Tree cuts leaves by a test of returns, a kd-tree by density; both are the same
 learner. In an episode under way each step is one compiled call.
@@ -18,7 +18,7 @@ from eutree.learners.history import History
 from eutree.learners.learner import Step
 from eutree.learners.u_tree import _kernels_step
 from eutree.learners.u_tree._kernels_step import REFUSED, UNKNOWN
-from eutree.mdp import TERMINAL, TabularMDP, TransitionCounts
+from eutree.mdp import TERMINAL, TabularMDP
 from eutree.trees import DecisionTree
 from eutree.validation import check_number
 
@@ -29,17 +29,12 @@ class OneStep(msgspec.Struct, frozen=True, tag=True):
     """q = r + discount * V(L(o')), the paper's Eq. 2 with o' in place of its misprinted o."""
 
     def of(
-        self,
-        history: History,
-        rows: Integers,
-        *,
-        values: Floats,
-        greedy: Callable[[], Int32s],
-        discount: float,
+        self, history: History, rows: Integers, *, values: Floats, greedy: object, discount: float
     ) -> Floats:
-        """Return q of each of the rows, shape [n]."""
-        out = np.empty(rows.size)
-        _kernels.one_step_targets(rows, history.rewards, history.entered, values, discount, out)
+        """Return q of each of the rows, shape [n]; V of a terminal state is 0."""
+        out, entered = history.rewards[rows], history.entered[rows]
+        goes_on = entered != TERMINAL
+        out[goes_on] += discount * values[entered[goes_on]]
         return out
 
 
@@ -69,10 +64,7 @@ class LambdaReturn(msgspec.Struct, frozen=True, tag=True):
     ) -> Floats:
         """Return q of each of the rows, shape [n]."""
         out = np.empty(rows.size)
-        chain = _kernels.Chain(
-            history.continues, history.actions, history.rewards, history.left, history.entered
-        )
-        _kernels.lambda_targets(rows, chain, values, greedy(), discount, self.decay, out)
+        _kernels.lambda_targets(rows, history.rows, values, greedy(), discount, self.decay, out)
         return out
 
 
@@ -162,20 +154,3 @@ class LeafSteps:
         if episode.terminated:
             entered[-1] = TERMINAL
         return LeafEpisode(episode, leaves, entered)
-
-
-# A history that forgets takes transitions back from the counts; V, Q and the queue stay.
-
-
-def counted(history: History, n_leaves: int, n_actions: int) -> TransitionCounts:
-    """Return the counts of the stored transitions."""
-    rows = history.left, history.actions, history.rewards, history.entered
-    return TransitionCounts.of(*rows, n_states=n_leaves, n_actions=n_actions)
-
-
-def counted_again(mdp: TabularMDP, history: History) -> TabularMDP:
-    """Return the MDP of the transitions that are stored now, with V, Q and the queue of ``mdp``."""
-    counts = counted(history, mdp.n_states, mdp.counts.n_actions)
-    again = TabularMDP(counts, mdp.discount, untried=mdp.untried)
-    again.restore(mdp.state() | {"reward_sums": counts.reward_sums.copy()})
-    return again
