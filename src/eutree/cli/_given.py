@@ -82,11 +82,7 @@ def chosen_by_file(arguments: dict[str, Any]) -> frozenset[str]:
 
 
 def keep(out: Path) -> None:
-    """Keep in a new run's folder the arguments of the command.
-
-    Args:
-        out: The folder; nothing is written into one that was begun before.
-    """
+    """Keep in a new run's folder the arguments of the command; nothing in one begun before."""
     context = click.get_current_context()
     given = context.meta[_GIVEN]
     if "resume" in given or (out / KEPT).exists() or not out.is_dir():

@@ -26,8 +26,6 @@ if TYPE_CHECKING:
 
 _EARNED = "mean_return return_interval success_rate success_interval"
 STARTS = {"nothing": "a single leaf"}  # others began with a tree
-
-
 _SAID_HERE = logging.NullHandler()  # a command says itself which method was chosen
 
 
@@ -116,10 +114,7 @@ def as_values(result: "LearningResult", out: Path) -> dict[str, Any]:
 def in_words(result: "LearningResult", out: Path, *, recorded: int | None) -> str:
     """Return a result in a sentence: its cost, its tree, and the gain over its start.
 
-    Args:
-        result: The finished learning.
-        out: Where it was written.
-        recorded: Recorded episodes that all was learned from; None if it gathered its own.
+    ``recorded`` are the episodes that all was learned from; None if it gathered its own.
     """
     last = result.curve[-1].describe() if result.curve else counted(result.policy.n_leaves, "leaf")
     experience = f"{counted(result.episodes, 'episode')}, {counted(result.steps, 'step')}"

@@ -23,6 +23,9 @@ from eutree.files.schema_document import plain_json
 from eutree.schema import MAX_ACTIONS
 from eutree.validation import MAX_SEED
 
+if TYPE_CHECKING:
+    from eutree.interaction.names import Names
+
 _FULL = "eutree.help_all"  # in click's context: every option is to be shown
 _LINE = "eutree.line"  # and the words that were given
 _JSON = "eutree.json"  # and whether one JSON object is wanted
@@ -45,6 +48,12 @@ PARTS = re.compile(
     r"(config|command|policy|learned|expert|demonstrations)\.json|checkpoint\.npz|(curve|progress|runs)\.csv"
     r"|(events|answers)\.jsonl|episode-\d+\.(npz|journal)"
 )
+_Command = TypeVar("_Command", bound=Callable[..., Any])
+# In click's context: one option tells another.
+_DECODE = "eutree.decode"
+_ACTION_GRID = "eutree.action_grid"
+AUTO = "auto"  # of --derive
+MAX_COUNT = 10**9  # of anything that is counted: more than any run can do
 
 
 class ResultCommand(click.Command):
@@ -199,19 +208,6 @@ def _overwrites(target: str, source: str) -> bool:
     inner, outer = (source, target) if os.path.isdir(target) else (target, source)
     folder, name = os.path.split(inner)
     return folder == outer and PARTS.fullmatch(name) is not None
-
-
-if TYPE_CHECKING:
-    from eutree.interaction.names import Names
-
-_Command = TypeVar("_Command", bound=Callable[..., Any])
-
-# In click's context: one option tells another.
-_DECODE = "eutree.decode"
-_ACTION_GRID = "eutree.action_grid"
-AUTO = "auto"  # of --derive
-
-MAX_COUNT = 10**9  # of anything that is counted: more than any run can do
 
 
 class _Count(click.IntRange):

@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from eutree.compression.episodes import FrontEntry
     from eutree.training.many import LearningRuns
 
-
 _HEADER = "leaves  return [95 %]                 success"
 _WIDTH = 20
 _SECONDS = 2.0  # between two lines about compiling
@@ -34,16 +33,10 @@ _results: TextIO | None = None
 
 
 class Result(NamedTuple):
-    """The result of a command.
+    """The result of a command."""
 
-    Attributes:
-        values: The entries of its JSON object.
-        text: Its output without ``--json``, a string or a rich renderable.
-        exit_code: Its exit code; 0 for success.
-    """
-
-    values: dict[str, Any]
-    text: Any
+    values: dict[str, Any]  # the entries of its JSON object
+    text: Any  # its output without ``--json``, a string or a rich renderable
     exit_code: int = 0
 
 
@@ -86,22 +79,15 @@ class ProgressLine:
 
     def __enter__(self) -> "ProgressLine":
         if self._console.is_terminal:
-            from rich.progress import (
-                BarColumn,
-                MofNCompleteColumn,
-                Progress,
-                TextColumn,
-                TimeElapsedColumn,
-            )
+            from rich import progress as rich
 
-            self._bar = Progress(
-                TextColumn("{task.description}"),
-                BarColumn(),
-                MofNCompleteColumn(),
-                TimeElapsedColumn(),
-                TextColumn("{task.fields[note]}"),
+            self._bar = rich.Progress(
+                rich.TextColumn("{task.description}"),
+                rich.BarColumn(),
+                rich.MofNCompleteColumn(),
+                rich.TimeElapsedColumn(),
+                rich.TextColumn("{task.fields[note]}"),
                 console=self._console,
-                transient=False,
             )
             self._bar.start()
             self._task = self._bar.add_task(self._label, total=self._total, note="")

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from eutree.interaction.names import Names
     from eutree.policies import TreePolicy
 
-
 OWN = "MODULE:NAME or FILE.py:NAME"
 _HINT = f"One of your own is named {OWN}: a policy, its class, or a function."
 

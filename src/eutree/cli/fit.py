@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from eutree.distillation import DistillationReport
     from eutree.fitting import Hurt
 
+_EXAMPLE = "eutree distill eutree/Evasion2-v0 --expert gate --max-leaves 8 --out distilled.json"
+
 
 @click.command(cls=Helped, epilog="Example: eutree fit demos/ --out expert.json")
 @click.argument("demonstrations", type=click.Path(path_type=Path))
@@ -224,9 +226,6 @@ def _values(report: FitReport, out: Path) -> dict[str, Any]:
         "proposals": [asdict(one) for one in report.proposals],
         "warnings": list(report.warnings),
     }
-
-
-_EXAMPLE = "eutree distill eutree/Evasion2-v0 --expert gate --max-leaves 8 --out distilled.json"
 
 
 @click.command(cls=Helped, epilog=f"Example: {_EXAMPLE}")

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
     from eutree.demo.page import DemoResult
 
+HEAD = "name                    leaves  return [95 %]              worst    steps  proven"
+
 
 @click.command(cls=Helped, epilog="Example: eutree demo CartPole-v1 --expert fall")
 @click.argument("environment", default="eutree/Evasion2-v0")
@@ -119,9 +121,6 @@ def zoo(task: str | None) -> Result:
         {"trees": [{"name": one.name} | asdict(one) for one in shown]},
         "\n".join([HEAD, *(line for one in shown for line in _lines(one, full=task is not None))]),
     )
-
-
-HEAD = "name                    leaves  return [95 %]              worst    steps  proven"
 
 
 def _lines(one: Card, *, full: bool) -> Iterator[str]:

@@ -31,6 +31,9 @@ from eutree.interaction.making import make
 from eutree.interaction.names import Names
 from eutree.trees.text import labelled
 
+EXIT_REFUTED = 1
+_NUMBER = re.compile(r"[0-9]{1,9}")  # of a node or a leaf
+
 
 @click.command(
     cls=ResultCommand,
@@ -105,9 +108,6 @@ def diff(first: Path, second: Path, demos: Path | None) -> Result:
     )
 
 
-EXIT_REFUTED = 1
-
-
 @click.command(
     cls=ResultCommand,
     epilog="Example: eutree verify expert.json --property 'always go when position > 25'",
@@ -163,9 +163,6 @@ def verify(
         "\n".join(map(str, answers)),
         0 if holds else EXIT_REFUTED,
     )
-
-
-_NUMBER = re.compile(r"[0-9]{1,9}")  # of a node or a leaf
 
 
 @click.command(

@@ -46,8 +46,6 @@ HOMES = {  # of several commands; the others have a module of their own
 EXIT_MISTAKE = 2
 EXIT_INTERRUPTED = 130
 MAX_LINE = 1500  # characters of an error
-
-
 GROUP = "eutree.commands"  # entry points by which other distributions add theirs
 
 

@@ -16,6 +16,8 @@ from eutree.files import check_writable, write_text
 from eutree.policies import TreePolicy
 from eutree.schema import EnvironmentSpec
 
+EXIT_CODES = {"proven": 0, "refuted": 1, "undecided": 3}
+
 
 @click.command(cls=Helped, epilog="Example: eutree evaluate runs/a/policy.json --episodes 1000")
 @click.argument("policy", type=click.Path(path_type=Path))
@@ -62,9 +64,6 @@ def evaluate(
         + (f"\n{result.warning}" if result.warning else "")
         + ("" if found is None else f"\n{found}"),
     )
-
-
-EXIT_CODES = {"proven": 0, "refuted": 1, "undecided": 3}
 
 
 @click.command(cls=Helped, epilog="Example: eutree prove expert.json --sampled --html proof.html")

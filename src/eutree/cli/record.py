@@ -31,9 +31,7 @@ if TYPE_CHECKING:
     from eutree.recording.browser import PageServer
     from eutree.recording.tree_making import Guide, TreeMaker
 
-
 _REDIRECT = '<!doctype html><meta http-equiv="refresh" content="0;url={}">\n'
-
 
 # Of a page on which a person records: keys, pace, address
 page_options = option.together(
@@ -218,15 +216,8 @@ def record_on_page(
 ) -> None:
     """Let a person record on a page of the browser, whose address is said, until they finish.
 
-    Args:
-        output: Prints the address.
-        recorder: The session and its folder.
-        spec: How to make the environment again.
-        out: The folder of the recording.
-        host: Address of the page.
-        port: Port of the page; None for any that is usual.
-        drive: A tree that drives from the beginning.
-        lead: The maker of the tree and the guide of the person; None where they lead themselves.
+    A tree to ``drive`` does so from the beginning. ``lead`` are the maker of the tree and the guide
+    of the person; None where they lead themselves.
     """
     from eutree.fitting.page_tree import PageTree
     from eutree.interaction.making import make

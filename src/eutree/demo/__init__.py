@@ -6,6 +6,7 @@ out to be different, learning mends the tree, and the changes can be read.
 
 import shutil
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +30,7 @@ from eutree.recording import record
 from eutree.report import run_page
 from eutree.schema import EnvironmentSpec
 from eutree.training.handover import judged
-from eutree.training.many import FinishedRun, LearningRuns, learn_runs
+from eutree.training.many import FinishedRun, learn_runs
 from eutree.validation import check_choice
 
 __all__ = ["run_demo", "settings_for", "table_rows"]
@@ -43,13 +44,10 @@ EXPERT, LEARNED, COMPRESSED = "Expert tree", "Learned tree", "Compressed tree"
 
 
 def run_demo(settings: DemoSettings, out: Path, *, say: Say, follow: Follow) -> DemoResult:
-    """Run the main job and write everything to ``out``.
+    """Run the main job and write everything to the folder ``out``, which need not exist.
 
-    Args:
-        settings: How much of everything.
-        out: Folder to write; made if it does not exist.
-        say: Takes a sentence before each step.
-        follow: Takes the number of finished runs and the last of them.
+    ``say`` takes a sentence before each step, ``follow`` the number of finished runs and the last
+    of them.
     """
     known = experts_for(settings.environment.id)
     name = next(iter(known)) if settings.expert is None else settings.expert
@@ -61,15 +59,28 @@ def run_demo(settings: DemoSettings, out: Path, *, say: Say, follow: Follow) -> 
     expert = fit_expert_tree(demonstrations)
     expert.save(folder / "expert.json")
     say(f"the tree that was shown has {counted(expert.n_leaves, 'leaf')}, by C4.5")
-    runs = _learn(settings, demonstrations, expert, folder, say, follow)
-    learned = runs.result
+    once = f", now that {settings.story.changed}" if settings.story.changed else ""
+    say(f"{counted(settings.runs, 'run')} of learning{once} (compiling takes a while, once)")
+    runs = learn_runs(  # the best is chosen by episodes of its own
+        settings.changed,
+        runs=settings.runs,
+        out=folder / "learned",
+        n_jobs=settings.n_jobs,
+        seed=settings.seed,
+        selection_episodes=max(2, settings.story.final_episodes // 5),
+        judging_episodes=settings.story.final_episodes,
+        on_run=follow,
+        demonstrations=demonstrations,
+        expert=expert,
+        **settings.story.learning,
+    )
     ground = None
     if settings.story.plays:
         say("making it smaller: the best tree of each size, by playing")
         ground = RealEpisodes(settings.changed, n_jobs=settings.n_jobs, searches=True)
     small, compression = compress(
         runs.policy,
-        learned.history.observations,
+        runs.result.history.observations,
         round_thresholds=True,
         env=ground,
         seed=settings.seed,
@@ -85,10 +96,8 @@ def run_demo(settings: DemoSettings, out: Path, *, say: Say, follow: Follow) -> 
         COMPRESSED: _judge(settings, small),
     }
     at_home = _judge(settings, expert, at=settings.environment) if settings.story.change else None
-    judgement = judged(evaluations[EXPERT], evaluations[COMPRESSED], challengers=0)
     played = PlayedDemo.of(expert, small, settings.changed, seed=settings.seed)
     seen = played.observations
-    changes = diff(rounded(expert, seen), small, observations=seen)
     result = DemoResult(
         settings=settings,
         folder=folder,
@@ -96,11 +105,11 @@ def run_demo(settings: DemoSettings, out: Path, *, say: Say, follow: Follow) -> 
         policies=policies,
         evaluations=evaluations,
         at_home=at_home,
-        judgement=judgement,
+        judgement=judged(evaluations[EXPERT], evaluations[COMPRESSED], challengers=0),
         runs=runs,
         compression=compression,
         played=played,
-        changes=changes,
+        changes=diff(rounded(expert, seen), small, observations=seen),
         source=(folder / "small.c").read_text(encoding="utf-8"),
     )
     write_text(result.report, run_page(demo_report(result)))
@@ -144,40 +153,11 @@ def _demonstrate(settings: DemoSettings, name: str, folder: Path, say: Say) -> D
     """Record the demonstrations."""
     expert = experts_for(settings.environment.id)[name]
     say(f"the scripted demonstrator {name!r} shows {settings.environment}")
-    env = make(settings.environment)
-    try:
+    with closing(make(settings.environment)) as env:
         shown = record(env, expert, episodes=settings.demonstrations, seed=settings.seed)
-    finally:
-        env.close()
     shown.save(folder / "demonstrations")
     say(f"{counted(len(shown), 'episode')} shown, {counted(shown.n_transitions, 'step')}")
     return shown
-
-
-def _learn(
-    settings: DemoSettings,
-    demonstrations: Demonstrations,
-    expert: TreePolicy,
-    folder: Path,
-    say: Say,
-    follow: Follow,
-) -> LearningRuns:
-    """Let several runs learn beside each other, and choose the best on episodes of its own."""
-    once = f", now that {settings.story.changed}" if settings.story.changed else ""
-    say(f"{counted(settings.runs, 'run')} of learning{once} (compiling takes a while, once)")
-    return learn_runs(
-        settings.changed,
-        runs=settings.runs,
-        out=folder / "learned",
-        n_jobs=settings.n_jobs,
-        seed=settings.seed,
-        selection_episodes=max(2, settings.story.final_episodes // 5),
-        judging_episodes=settings.story.final_episodes,
-        on_run=follow,
-        demonstrations=demonstrations,
-        expert=expert,
-        **settings.story.learning,
-    )
 
 
 def _judge(

@@ -1,4 +1,10 @@
-"""The content of the demo's page, in the words of its story."""
+"""The content of the demo's page, in the words of its story.
+
+A demonstrator who does everything right leaves nothing to learn. So the world changes after the
+demonstrations (the opponents of Evasion become faster), or the demonstrator is mediocre from the
+start (the plain scripts of Gymnasium's tasks). Budgets are chosen so that the whole demo takes
+about a minute on two cores for Evasion and a few minutes for the others.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -23,30 +29,23 @@ from eutree.schema import EnvironmentSpec
 from eutree.training import Judgement
 from eutree.training.many import FinishedRun, LearningRuns
 
-# A demonstrator who does everything right leaves nothing to learn. So the world changes after the
-# demonstrations (the opponents of Evasion become faster), or the demonstrator is mediocre from
-# the start (the plain scripts of Gymnasium's tasks). Budgets are chosen so that the whole demo
-# takes about a minute on two cores for Evasion and a few minutes for the others.
+STARTS = 60  # of which one is shown: where learning made the largest difference
+MOST_CHANGES = 6
 
 
 @dataclass(frozen=True, kw_only=True)
 class Story:
-    """The course of the demo in an environment.
+    """The course of the demo in an environment."""
 
-    Attributes:
-        change: Arguments of the environment that are others after the demonstrations.
-        changed: The meaning of that change, to follow "once" in a sentence; empty without one.
-        learning: Options of ``learn``: the method if it is not the default one, and budgets.
-        plays: Whether compression looks for the best tree of each size by playing; else it keeps
-            every recorded decision. Where episodes run side by side it takes half a minute.
-        final_episodes: Fresh episodes on which every policy is judged.
-    """
-
+    # Arguments of the environment that are others after the demonstrations
     change: Mapping[str, Any] = field(default_factory=dict)
-    changed: str = ""
+    changed: str = ""  # what that means, to follow "once" in a sentence; empty without one
+    # Options of ``learn``: the method if it is not the default one, and budgets
     learning: Mapping[str, Any] = field(default_factory=dict)
+    # Whether compression looks for the best tree of each size by playing; else it keeps every
+    # recorded decision. Where episodes run side by side it takes half a minute.
     plays: bool = False
-    final_episodes: int = 1000
+    final_episodes: int = 1000  # fresh ones on which every policy is judged
 
 
 _PLANNING = {"episodes": 200, "evaluate_every": 20, "evaluation_episodes": 50}
@@ -84,35 +83,21 @@ def story_of(environment: str) -> Story:
 
 @dataclass(frozen=True, kw_only=True)
 class DemoSettings:
-    """The settings of a demo.
+    """The settings of a demo."""
 
-    Attributes:
-        environment: The environment in which the demonstrations are shown.
-        story: The change, the learning and the budget; by default those of ``story_of``.
-        expert: Name of the scripted demonstrator; None takes the environment's first.
-        demonstrations: Episodes to record.
-        runs: Learning runs, with seeds of their own; the best is chosen.
-        n_jobs: Processes, as joblib counts them.
-        seed: Seed of the demonstrations, the runs and the evaluations.
-    """
-
-    environment: EnvironmentSpec
-    story: Story = field(default_factory=Story)
-    expert: str | None = None
-    demonstrations: int = 15
-    runs: int = 3
-    n_jobs: int = -1
-    seed: int = 0
+    environment: EnvironmentSpec  # in which the demonstrations are shown
+    story: Story = field(default_factory=Story)  # the change, the learning and the budget
+    expert: str | None = None  # the scripted demonstrator; None takes the environment's first
+    demonstrations: int = 15  # episodes to record
+    runs: int = 3  # of learning, with seeds of their own; the best is chosen
+    n_jobs: int = -1  # processes, as joblib counts them
+    seed: int = 0  # of the demonstrations, the runs and the evaluations
 
     @property
     def changed(self) -> EnvironmentSpec:
         """Where it learns and is judged."""
         arguments = dict(self.environment.arguments) | dict(self.story.change)
         return EnvironmentSpec(self.environment.id, arguments)
-
-
-STARTS = 60  # of which one is shown: where learning made the largest difference
-MOST_CHANGES = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,35 +136,20 @@ class PlayedDemo:
 
 @dataclass(frozen=True, eq=False)
 class DemoResult:
-    """All results of the demo.
-
-    Attributes:
-        settings: The settings of the demo.
-        folder: The folder of its files.
-        demonstrations: The episodes of the demonstrator.
-        policies: Expert tree, learned tree and compressed tree, by name.
-        evaluations: How each did on the same fresh episodes.
-        at_home: How the expert tree did where it was shown, if that is elsewhere.
-        judgement: The compressed tree against the expert tree.
-        runs: All learning runs.
-        compression: The changes that compression made.
-        played: Episodes of both trees from the same starts.
-        changes: The boxes in which the compressed tree decides otherwise than the expert tree.
-        source: The C function.
-    """
+    """All results of the demo."""
 
     settings: DemoSettings
-    folder: Path
+    folder: Path  # of its files
     demonstrations: Demonstrations
-    policies: Mapping[str, TreePolicy]
-    evaluations: Mapping[str, Evaluation]
-    at_home: Evaluation | None
-    judgement: Judgement
+    policies: Mapping[str, TreePolicy]  # expert tree, learned tree and compressed tree, by name
+    evaluations: Mapping[str, Evaluation]  # how each did on the same fresh episodes
+    at_home: Evaluation | None  # how the expert tree did where it was shown, if that is elsewhere
+    judgement: Judgement  # the compressed tree against the expert tree
     runs: LearningRuns
     compression: CompressionReport
-    played: PlayedDemo
-    changes: PolicyDiff
-    source: str
+    played: PlayedDemo  # from the same starts
+    changes: PolicyDiff  # where the compressed tree decides otherwise than the expert tree
+    source: str  # the C function
 
     @property
     def report(self) -> Path:
@@ -187,24 +157,9 @@ class DemoResult:
         return self.folder / "report.html"
 
     @property
-    def expert(self) -> TreePolicy:
-        """The tree before learning."""
-        return next(iter(self.policies.values()))
-
-    @property
     def small(self) -> TreePolicy:
         """The tree that is handed over."""
         return tuple(self.policies.values())[-1]
-
-    @property
-    def before(self) -> Evaluation:
-        """How the expert tree did where the others learned."""
-        return next(iter(self.evaluations.values()))
-
-    @property
-    def after(self) -> Evaluation:
-        """How the compressed tree did."""
-        return tuple(self.evaluations.values())[-1]
 
     @property
     def verdict(self) -> str:
@@ -215,35 +170,32 @@ class DemoResult:
     def sentence(self) -> Verdict:
         """The result in a sentence, which calls nothing better that 95 % intervals do not part."""
         story, change = self.settings.story, self.judgement
+        before, *_, after = self.evaluations.values()
         once = f" once {story.changed}" if story.changed else ""
         leaves = counted(self.small.n_leaves, "leaf")
-        first = f"The tree that was shown {_does(self.before)}{once}"
+        first = f"The tree that was shown {_does(before)}{once}"
         earns = 0 if change.is_start else _told(change.return_interval)
         succeeds = None if change.success_interval is None else _told(change.success_interval)
         told = {earns, succeeds} - {None, 0}
         if not told:
             return [
-                f"{first}; what was learned {_does(self.after)} with {leaves}, which "
-                f"{self.after.episodes:,} episodes cannot tell apart."
+                f"{first}; what was learned {_does(after)} with {leaves}, which "
+                f"{after.episodes:,} episodes cannot tell apart."
             ]
-        end = f": with {leaves} it {_does(self.after)}."
+        end = f": with {leaves} it {_does(after)}."
         if succeeds is None or (succeeds and told != {1, -1}):
             better = "Learning mends it" if told == {1} else "Learning harms it"
             return [f"{first}. ", Pointer(better, CHANGES_ID), end]
-        before, after = self.before.mean_return, self.after.mean_return
         better = f"Learning makes it earn {'more' if earns > 0 else 'less'}"
-        figures = f", {after:.4g} in place of {before:.4g}"
-        as_often = (
-            ""
-            if succeeds
-            else (f" Whether it succeeds more often, {self.after.episodes:,} episodes cannot tell.")
-        )
-        return [f"{first}. ", Pointer(better, CHANGES_ID), figures + end + as_often]
+        end = f", {after.mean_return:.4g} in place of {before.mean_return:.4g}{end}"
+        if not succeeds:
+            end += f" Whether it succeeds more often, {after.episodes:,} episodes cannot tell."
+        return [f"{first}. ", Pointer(better, CHANGES_ID), end]
 
 
 def demo_report(result: DemoResult) -> RunReport:
     """Return the content of the page."""
-    settings, small = result.settings, result.small
+    settings, (expert, *_, small) = result.settings, result.policies.values()
     observations = result.played.observations
     return RunReport(
         title=f"eutree demo, {settings.environment.id}: shown, learned, compressed, exported",
@@ -253,7 +205,7 @@ def demo_report(result: DemoResult) -> RunReport:
         watched=WatchedTree(
             small,
             _filmed(result),
-            changed_leaves(result.expert, small, observations),
+            changed_leaves(expert, small, observations),
             observations,
             "The tree that learning and compression made. A dashed outline marks leaves that "
             "decide otherwise than the tree that was shown; the lit path follows the episode.",
@@ -299,8 +251,9 @@ def _percent(share: float) -> str:
 def _measured(result: DemoResult) -> str:
     gain = f"{result.judgement.return_change:+.1f} {result.judgement.return_interval:.1f}"
     same = "every decision the same" if result.judgement.is_start else f"return {gain}"
+    *_, after = result.evaluations.values()
     return (
-        f"On {result.after.episodes:,} fresh episodes that chose nothing, the same for all "
+        f"On {after.episodes:,} fresh episodes that chose nothing, the same for all "
         f"trees: {same} against the tree that was shown. Brackets are 95 % intervals."
     )
 
@@ -316,25 +269,24 @@ def _figures(evaluation: Evaluation) -> tuple[str, str]:
 def _stages(result: DemoResult) -> list[Headline]:
     """Return the story's figures in its order."""
     shown, story, runs = result.demonstrations, result.settings.story, result.runs
-    leaves = counted(result.expert.n_leaves, "leaf")
+    before, learned, after = result.evaluations.values()
+    leaves = counted(next(iter(result.policies.values())).n_leaves, "leaf")
+    words = f"{counted(len(shown), 'demonstration')}, {leaves}"
     if result.at_home is None:
-        stages = [Headline("The tree that was shown", *_figures(result.before),
-                           f"{counted(len(shown), 'demonstration')}, {leaves}")]  # fmt: skip
+        stages = [Headline("The tree that was shown", *_figures(before), words)]
     else:
         stages = [
             Headline("The tree that was shown", *_figures(result.at_home),
-                     f"{counted(len(shown), 'demonstration')}, {leaves}, nothing changed"),
-            Headline("The same tree, another world", *_figures(result.before),
-                     f"now {story.changed}"),
+                     f"{words}, nothing changed"),
+            Headline("The same tree, another world", *_figures(before), f"now {story.changed}"),
         ]  # fmt: skip
-    learned = tuple(result.evaluations.values())[1]
     best = runs.runs[runs.winner]
     steps = f"{best.environment_steps:,} steps, the best of {counted(len(runs.runs), 'run')}"
     stages.append(Headline("After learning", *_figures(learned), steps))
     lines = len(result.source.splitlines())
     words = f"{result.compression.n_leaves_before} leaves before; a C function of {lines} lines"
     stages.append(Headline(f"Compressed to {counted(result.small.n_leaves, 'leaf')}",
-                           *_figures(result.after), words))  # fmt: skip
+                           *_figures(after), words))  # fmt: skip
     return stages
 
 
@@ -385,12 +337,13 @@ def _runs(result: DemoResult) -> Table:
 
 def _trees(result: DemoResult) -> Table:
     """Return every tree as a row."""
-    success = result.before.success_rate is not None
+    before = next(iter(result.evaluations.values()))
+    success = before.success_rate is not None
     rows = [
         [name, str(result.policies[name].n_leaves), *_cells(evaluation, success)]
         for name, evaluation in result.evaluations.items()
     ]
-    caption = f"Judged on {result.before.episodes:,} fresh episodes, the same for all."
+    caption = f"Judged on {before.episodes:,} fresh episodes, the same for all."
     return Table(["tree", "leaves", *_titles(success)], rows, caption, len(rows) - 1)
 
 

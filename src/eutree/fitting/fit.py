@@ -1,4 +1,8 @@
-"""Fit a tree that can be trusted: chosen by playing, set beside its demonstrator, explained."""
+"""Fit a tree that can be trusted: chosen by playing, set beside its demonstrator, explained.
+
+To choose and to repair are contests (:mod:`eutree.contests`) that promise nothing: who judges the
+tree that they hand on plays fresh episodes.
+"""
 
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
@@ -37,15 +41,13 @@ from eutree.policies import TreePolicy
 from eutree.policies.reach import ever_allowed
 from eutree.validation import check_integer, check_kind, check_listed, check_seed
 
-# Both are contests (:mod:`eutree.contests`) that promise nothing: who judges the tree that they
-# hand on plays fresh episodes.
-
-
 RACING, REPAIRING, CONFIRMING, JUDGING, COMPARING = 0, 100, 200, 300, 301  # first blocks
 MOST_REPAIRS = 3  # one after the other
 BLAMED_LEAVES = 3  # that are tried for each of them
 # At two actions: each leaf has three repairs; the tree itself, and twice two longer plays.
 MOST_REPAIR_PLAYS = MOST_REPAIRS * (3 * BLAMED_LEAVES + 1 + 4)
+MOST_RACING = 8  # trees
+RACE_SHARE, REPAIR_SHARE = 3.0, 0.3  # of the episodes that judge the tree
 
 
 def race(found: list[FittedTree], player: Player, budget: int) -> tuple[FittedTree, Played]:
@@ -99,10 +101,6 @@ def _repaired(
         if guilt[leaf] > 0.0:
             for policy, words in repairs(fitted.policy, demonstrations, leaf):
                 yield replace(fitted, policy=policy, repairs=(*fitted.repairs, words))
-
-
-MOST_RACING = 8  # trees
-RACE_SHARE, REPAIR_SHARE = 3.0, 0.3  # of the episodes that judge the tree
 
 
 def fit(

@@ -40,6 +40,18 @@ from eutree.recording.tree_making import Segment
 from eutree.schema import Schema
 from eutree.validation import check_integer, check_seed
 
+NONE = -2  # no run of keys before, or after
+BLAMED_LEAVES = 4
+LOOKED_AT = 100  # episodes of the tree that say which leaves have to do with failing
+EDGES = (1, 2, 3)  # steps at the end, or the beginning, of a run: a late hand, or an early one
+BEFORE_FAILURE = (3, 6)  # steps
+MOST_PAIRS = 600  # that show that a tree is better
+ERROR = 0.05
+LISTED = 6  # segments
+FINALISTS = 3
+CHOOSING, JUDGING, LOOKING, HALVING, CONFIRMING = 400, 401, 410, 440, 470  # first blocks
+OFTEN = 0.05  # share of failures from which something is to be shown again
+
 
 def accepted(demonstrations: Demonstrations, segments: Iterable[Segment]) -> Demonstrations:
     """Return demonstrations of which some segments are cut or flipped; the actions taken stay."""
@@ -62,9 +74,6 @@ class Edit:
     rows: Integers  # [n]
     becomes: Integers  # [n]
     why: str
-
-
-NONE = -2  # no run of keys before, or after
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,35 +159,15 @@ def _seconds(known: Demonstrations, one: Segment) -> tuple[float, float] | None:
     return round(float(ends[one.start]), 3), round(float(ends[one.stop]), 3)
 
 
-BLAMED_LEAVES = 4
-LOOKED_AT = 100  # episodes of the tree that say which leaves have to do with failing
-EDGES = (1, 2, 3)  # steps at the end, or the beginning, of a run: a late hand, or an early one
-BEFORE_FAILURE = (3, 6)  # steps
-MOST_PAIRS = 600  # that show that a tree is better
-ERROR = 0.05
-LISTED = 6  # segments
-FINALISTS = 3
-CHOOSING, JUDGING, LOOKING, HALVING, CONFIRMING = 400, 401, 410, 440, 470  # first blocks
-OFTEN = 0.05  # share of failures from which something is to be shown again
-
-
 @dataclass(frozen=True, eq=False)
 class Hurt:
-    """Segments without which the tree is better, and their cost.
+    """Segments without which the tree is better, and their cost."""
 
-    Attributes:
-        what: ``"cut"``, ``"flip"``, or ``"show again"`` where neither was shown to help.
-        segments: The segments, in order.
-        why: Their common trait, in words.
-        before: The tree's result with them, all earlier ones accepted; fresh episodes.
-        after: Its result without them in the same episodes; None for ``"show again"``.
-    """
-
-    what: str
-    segments: tuple[Segment, ...]
-    why: str
-    before: Evaluation
-    after: Evaluation | None
+    what: str  # ``"cut"``, ``"flip"``, or ``"show again"`` where neither was shown to help
+    segments: tuple[Segment, ...]  # in order
+    why: str  # their common trait, in words
+    before: Evaluation  # the tree with them, all earlier ones accepted; fresh episodes
+    after: Evaluation | None  # without them in the same episodes; None for ``"show again"``
 
     def words(self, schema: Schema, numbers: Sequence[int]) -> str:
         """Return the proposal in a few lines; ``numbers`` are the episodes' in their folder."""
@@ -202,26 +191,15 @@ class Hurt:
 
 @dataclass(frozen=True, eq=False)
 class Hurting(Displayed):
-    """The segments found, with the trees before and after.
+    """The segments found, with the trees before and after."""
 
-    Attributes:
-        demonstrations: As they were given.
-        edited: The same with all cuts and flips; the actions taken stay in them.
-        hurts: The segments to cut, flip or show again, in order; each is tried on top of those
-            before it.
-        before: The tree of the demonstrations.
-        after: The tree of the steps that are left.
-        tried: Other trees that played.
-        episodes_played: Episodes played in all.
-    """
-
-    demonstrations: Demonstrations
-    edited: Demonstrations
-    hurts: tuple[Hurt, ...]
-    before: TreePolicy
-    after: TreePolicy
-    tried: int
-    episodes_played: int
+    demonstrations: Demonstrations  # as they were given
+    edited: Demonstrations  # the same with all cuts and flips; the actions taken stay in them
+    hurts: tuple[Hurt, ...]  # in order; each is tried on top of those before it
+    before: TreePolicy  # of the demonstrations
+    after: TreePolicy  # of the steps that are left
+    tried: int  # other trees that played
+    episodes_played: int  # in all
 
     def __str__(self) -> str:
         """Return the segments found in a few lines."""

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 PLAYED = 200  # episodes that each size plays
 COUNTED = 50  # episodes that say how much a tree waits
 CHANGES = 5  # sentences on the changes by practice
+STRIPS = 6  # that are looked at
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,9 +110,6 @@ def _changes(
     boxes = diff(before, after, observations=rows).boxes
     most = [box for box in boxes[:CHANGES] if box.visited]
     return tuple(f"{100 * (box.visited or 0.0):.1f} % of your steps: {box.words}" for box in most)
-
-
-STRIPS = 6  # that are looked at
 
 
 def hurt_views(found: "Hurting", numbers: Sequence[int]) -> tuple[HurtView, ...]:

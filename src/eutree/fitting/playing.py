@@ -23,6 +23,8 @@ from eutree.trees.edit import graft, merge
 
 TIE = 1e-9  # of a success: the worth of a unit of return beside it
 Progress = Callable[[str, int, int], None]  # the purpose, episodes played for it, at most so many
+_FREE = C45Settings(use_penalty=False, prune=False, collapse=False, use_min_split=False)
+MOST_KNOWN = 20_000  # steps of the tree's own play that practice begins with
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,17 +130,6 @@ def contest(
     return hold(rule, new_table(len(entrants), rule.most), run).winner, plays
 
 
-# C4.5 takes the most frequent action of a leaf. A person who waits shows the waiting many times and
-# the going on once: where no test tells them apart, the leaf waits for ever. Three changes of
-# such a leaf stay within the demonstrations: another action shown there; the cuts that C4.5
-# finds in the leaf's own steps when neither penalty nor pruning forbids them; and the most
-# frequent action below the test above it, which gives that test up. Which of them is right, if
-# any, playing says.
-
-
-_FREE = C45Settings(use_penalty=False, prune=False, collapse=False, use_min_split=False)
-
-
 def shown_in(policy: TreePolicy, demonstrations: Demonstrations) -> Integers:
     """Return how often each action was shown in each leaf, shape [L, A]."""
     known = demonstrations.with_history(policy.history)
@@ -170,7 +161,14 @@ def blame(played: Played, failed: Booleans) -> Floats:
 def repairs(
     policy: TreePolicy, demonstrations: Demonstrations, leaf: int
 ) -> Iterator[tuple[TreePolicy, str]]:
-    """Yield trees in which one leaf is changed, and the change in words."""
+    """Yield trees in which one leaf is changed, and the change in words.
+
+    C4.5 takes the most frequent action of a leaf. A person who waits shows the waiting many times
+    and the going on once: where no test tells them apart, the leaf waits for ever. Three changes of
+    such a leaf stay within the demonstrations: another action shown there; the cuts that C4.5 finds
+    in the leaf's own steps when neither penalty nor pruning forbids them; and the most frequent
+    action below the test above it, which gives that test up. Playing says which is right, if any.
+    """
     shown = shown_in(policy, demonstrations)
     taken, names = int(policy.actions[leaf]), policy.schema.actions
     for action in np.argsort(-shown[leaf], kind="stable").tolist():
@@ -205,8 +203,6 @@ def _cut(policy: TreePolicy, demonstrations: Demonstrations, leaf: int) -> TreeP
         scion, labels, _ = graft(policy.tree, kept, scion, labels)
     return _labelled(replace(policy, tree=scion, actions=labels), labels)
 
-
-MOST_KNOWN = 20_000  # steps of the tree's own play that practice begins with
 
 # Hundreds of episodes are known to begin with, so it is planned early and often: waiting until they
 # have grown by 6 % would leave a hundred episodes of practice one or two challengers. Nearly all of

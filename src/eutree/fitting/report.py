@@ -1,4 +1,11 @@
-"""The result of a fit."""
+"""The result of a fit.
+
+Both sides are samples, the demonstrator's a small one: 13 of 15 may be 63 or 96 %. So a word is
+said only where the 95 % interval of the difference allows it. Of success rates that is Newcombe's,
+made of the Wilson intervals of both sides (*Interval estimation for the difference between
+independent proportions*, Statistics in Medicine 17, 1998, method 10); of mean returns, Welch's.
+Successes are compared with successes and returns with returns, never one with the other.
+"""
 
 import math
 import shlex
@@ -13,6 +20,13 @@ from eutree.evaluation.evaluation import student_quantile
 from eutree.policies import TreePolicy
 
 MARGIN = 0.03  # of the success rate, or of the size of the mean return: no repair for less
+BETTER, AS_GOOD, WORSE, OPEN = "better", "as good", "worse", "too close to tell"
+INCOMPARABLE = "not comparable"
+SUCCESS, RETURN = "success", "return"
+UNKNOWN = Interval(math.nan, math.nan)
+SAME = 0.05  # of the success rate, or of the size of the mean return: as good
+CLEARLY_SHORTER = 2 / 3  # of the leaves
+CLEARLY_BETTER = 0.05  # of the decisions left out
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,21 +81,6 @@ class Person:
         if self.success_rate is not None and tree.success_rate is not None:
             return tree.success_rate < self.success_rate - MARGIN
         return tree.mean_return < self.mean_return - MARGIN * abs(self.mean_return)
-
-
-# Both sides are samples, the demonstrator's a small one: 13 of 15 may be 63 or 96 %. So a word is
-# said only where the 95 % interval of the difference allows it. Of success rates that is
-# Newcombe's, made of the Wilson intervals of both sides (*Interval estimation for the difference
-# between independent proportions*, Statistics in Medicine 17, 1998, method 10); of mean returns,
-# Welch's. Successes are compared with successes and returns with returns, never one with the
-# other.
-
-
-BETTER, AS_GOOD, WORSE, OPEN = "better", "as good", "worse", "too close to tell"
-INCOMPARABLE = "not comparable"
-SUCCESS, RETURN = "success", "return"
-UNKNOWN = Interval(math.nan, math.nan)
-SAME = 0.05  # of the success rate, or of the size of the mean return: as good
 
 
 @dataclass(frozen=True)
@@ -192,28 +191,18 @@ def _has_returns(result: Evaluation) -> bool:
     return bool(np.isfinite(result.returns).all())
 
 
-CLEARLY_SHORTER = 2 / 3  # of the leaves
-CLEARLY_BETTER = 0.05  # of the decisions left out
-
-
 @dataclass(frozen=True)
 class Proposal:
-    """A derived feature that is worth declaring (``eutree.fitting.combining``).
+    """A derived feature that is worth declaring (``eutree.fitting.combining``)."""
 
-    Attributes:
-        declaration: ``"left minus right = left - right"``.
-        leaves: Of C4.5's tree without it and with it.
-        agreement: Share of the decisions in episodes left out that trees without it and with it
-            make as shown.
-        played: Mean return without it and with it; None if neither was played.
-        taken: Whether the tree was fitted with it.
-    """
-
-    declaration: str
-    leaves: tuple[int, int]
+    declaration: str  # ``"left minus right = left - right"``
+    leaves: tuple[int, int]  # of C4.5's tree without it and with it
+    # Share of the decisions in episodes left out that trees without it and with it make as shown
     agreement: tuple[float, float]
-    played: tuple[float, float] | None = None
-    taken: bool = False
+    played: tuple[float, float] | None = (
+        None  # mean return without it and with it; None: not played
+    )
+    taken: bool = False  # whether the tree was fitted with it
 
     @property
     def hint(self) -> str:

@@ -111,26 +111,22 @@ def diff(
     wide = ((high - low > SAME * np.array(digits.widths)) | (low <= inside.low)).all(axis=1)
     low, high, actions = low[wide], high[wide], actions[wide]
     shares = volumes(low, high, box_low, box_high, mine)
-    visited: list[float] | None = None
-    order = np.argsort(-shares, kind="stable")
-    if seen is not None:
-        visits = _visits(low, high, inside, seen)
-        order = np.lexsort((-shares, -visits))
-        visited = visits.tolist()
+    visited = None if seen is None else _visits(low, high, inside, seen)
+    order = np.lexsort([-shares] if visited is None else [-shares, -visited])
     boxes = []
     for number in order.tolist():
         region = Region(low[number], high[number])
-        one, two = (int(action) for action in actions[number])
+        one, two = actions[number].tolist()
         became = f"{printable(mine.actions[one])} became {printable(mine.actions[two])}"
-        words = f"{became} where {region.words(mine, domain(mine), digits=digits)}"
-        steps = None if visited is None else visited[number]
+        words = f"{became} where {region.words(mine, inside, digits=digits)}"
+        steps = None if visited is None else float(visited[number])
         boxes.append(Disagreement(region, float(shares[number]), one, two, words, steps))
     return PolicyDiff(
         share=float(shares.sum()),
         boxes=tuple(boxes),
         structure=tuple(_structure(first, second, digits)),
         n_leaves=(first.n_leaves, second.n_leaves),
-        visited=None if visited is None else sum(visited),
+        visited=None if visited is None else sum(visited.tolist()),
     )
 
 
@@ -189,19 +185,16 @@ def _structure(first: TreePolicy, second: TreePolicy, digits: Digits) -> list[st
     one, two = first.tree, second.tree
     while pairs:
         node, other = pairs.pop()
-        mine, theirs = int(one.feature[node]), int(two.feature[other])
-        is_same = mine == theirs and (
-            mine < 0
-            or digits.are_one(mine, float(one.threshold[node]), float(two.threshold[other]))
-        )
-        if mine == theirs and mine >= 0:
+        feature, is_same = int(one.feature[node]), one.feature[node] == two.feature[other]
+        if is_same and feature == one.NO_FEATURE:
+            is_same = first.actions[one.leaf[node]] == second.actions[two.leaf[other]]
+        elif is_same:
+            cuts = float(one.threshold[node]), float(two.threshold[other])
+            is_same = digits.are_one(feature, *cuts)
             pairs += [
                 (int(one.right[node]), int(two.right[other])),
                 (int(one.left[node]), int(two.left[other])),
             ]
-        if is_same and mine < 0:
-            actions = first.actions[one.leaf[node]], second.actions[two.leaf[other]]
-            is_same = actions[0] == actions[1]
         if not is_same:
             words = [_at(policy, at, digits) for policy, at in ((first, node), (second, other))]
             changes.append(f"node {node}: {words[0]} became {words[1]} (node {other})")

@@ -17,6 +17,8 @@ from eutree.trees.edit import graft
 from eutree.trees.text import Digits, asked, printable
 from eutree.validation import check_integer, check_number
 
+_ENFORCED = -1
+
 
 @dataclass(frozen=True)
 class Edited(Displayed):
@@ -147,13 +149,6 @@ def _warnings(before: TreePolicy, after: TreePolicy) -> list[str]:
     return [f"no observation reaches leaf {leaf} any more" for leaf in lost]
 
 
-# ``verify`` says whether a policy keeps a rule; this makes it keep the rule, and changes no
-# decision outside of it.
-
-
-_ENFORCED = -1
-
-
 def enforce(policy: TreePolicy, properties: str | Iterable[str]) -> Edited:
     """Return the policy with rules put above its tree, so that each property holds.
 
@@ -210,8 +205,8 @@ def _check_locks(policy: TreePolicy, rule: Property, region: Region, action: int
     """Raise InvalidArgumentError if a locked leaf decides otherwise somewhere in the rule's box."""
     low, high = leaf_boxes(policy.tree)
     for leaf in policy.locked:
-        meet = np.maximum(low[leaf], region.low) < np.minimum(high[leaf], region.high)
-        if meet.all() and policy.actions[leaf] != action:
+        meets = is_box(*region.meet(low[leaf], high[leaf]))
+        if meets and policy.actions[leaf] != action:
             raise InvalidArgumentError(
                 f"{rule.text!r} must not contradict leaf {leaf}, which is locked on "
                 f"{printable(policy.schema.actions[policy.actions[leaf]])}; unlock it first"

@@ -11,7 +11,7 @@ levels: the leaves that set at least as much.
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import permutations
+from itertools import permutations, product
 
 import numpy as np
 
@@ -48,7 +48,8 @@ def monotone_rules(texts: Sequence[str], schema: Schema) -> tuple[Property, ...]
     )
     for number, rule in enumerate(rules):
         for other in rules[:number]:
-            if _direction(rule, schema) == _opposite(other, schema) and _meet(rule, other):
+            (mine, falls), (theirs, rises) = _direction(rule, schema), _direction(other, schema)
+            if mine == theirs and falls != rises and _meet(rule, other):
                 name = printable(schema.feature_names[rule.feature])
                 raise InvalidArgumentError(
                     f"monotone rules must not ask for both directions of {name}, got "
@@ -149,8 +150,7 @@ def _above(policy: TreePolicy, rule: Property) -> tuple[Integers, Integers]:
     """Return pairs of leaves: changing the rule's feature leads from the first to the second."""
     found = [(np.empty(0, np.intp), np.empty(0, np.intp))]
     for region in rule.regions:
-        low, high = leaf_boxes(policy.tree)
-        low, high = np.maximum(low, region.low), np.minimum(high, region.high)
+        low, high = region.meet(*leaf_boxes(policy.tree))
         is_asked = is_box(low, high)
         leaves = np.flatnonzero(is_asked)
         for one, two in ways(policy.tree, low, high, leaves, rule.feature, falls=rule.falls):
@@ -218,22 +218,14 @@ def _closed_sets(rule: Property, schema: Schema) -> list[frozenset[int]]:
     return [frozenset(np.flatnonzero(ranks >= level).tolist()) for level in np.unique(ranks)[1:]]
 
 
-def _direction(rule: Property, schema: Schema) -> tuple[int, frozenset[int], int, bool]:
-    """Return the control and the actions kept, the feature, and whether it falls."""
+def _direction(rule: Property, schema: Schema) -> tuple[tuple[int, frozenset[int], int], bool]:
+    """Return the control and the actions kept with the feature, and whether that falls."""
     mirrored = _is_mirrored(rule, schema)
     actions = frozenset({0}) if mirrored else rule.actions
-    return rule.control, actions, rule.feature, rule.falls != mirrored
-
-
-def _opposite(rule: Property, schema: Schema) -> tuple[int, frozenset[int], int, bool]:
-    control, actions, feature, falls = _direction(rule, schema)
-    return control, actions, feature, not falls
+    return (rule.control, actions, rule.feature), rule.falls != mirrored
 
 
 def _meet(one: Property, other: Property) -> bool:
     """Return whether there are observations that both rules speak of."""
-    return any(
-        is_box(np.maximum(mine.low, theirs.low), np.minimum(mine.high, theirs.high))
-        for mine in one.regions
-        for theirs in other.regions
-    )
+    pairs = product(one.regions, other.regions)
+    return any(is_box(*theirs.meet(mine.low, mine.high)) for mine, theirs in pairs)

@@ -30,7 +30,7 @@ import numpy as np
 
 from eutree.arrays import Floats
 from eutree.errors import InvalidArgumentError, UnknownNameError
-from eutree.inspection.regions import Region, before
+from eutree.inspection.regions import Region, before, is_box
 from eutree.schema import Schema
 
 _TOKEN = re.compile(r'\s*("(?:[^"\\]|\\.)*"|<=|>=|<|>|=|[^\s<>=]+)')
@@ -258,7 +258,7 @@ class _PropertyParser:
             low, high = self.low.copy(), self.high.copy()
             for feature, (first, last) in zip(self.runs, sides, strict=True):
                 low[feature], high[feature] = max(low[feature], first), min(high[feature], last)
-            if (low < high).all():
+            if is_box(low, high):
                 found.append(Region(low, high))
         if not found:
             self._fail("conditions that some observation meets")

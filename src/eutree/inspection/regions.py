@@ -38,6 +38,10 @@ class Region:
         """Return whether an observation is inside."""
         return bool(((self.low < observation) & (observation <= self.high)).all())
 
+    def meet(self, low: Floats, high: Floats) -> tuple[Floats, Floats]:
+        """Return the part of each of some boxes [..., d] that lies in this one."""
+        return np.maximum(low, self.low), np.minimum(high, self.high)
+
     def point(self, schema: Schema) -> Floats:
         """Return an observation inside, in the middle where the box is bounded.
 
@@ -115,9 +119,7 @@ def domain(schema: Schema) -> Region:
 
 def leaf_parts(tree: DecisionTree, schema: Schema) -> tuple[Floats, Floats]:
     """Return the part of each leaf's box that lies within the schema's bounds, [L, d] each."""
-    inside = domain(schema)
-    low, high = leaf_boxes(tree)
-    return possible(np.maximum(low, inside.low), np.minimum(high, inside.high), schema)
+    return possible(*domain(schema).meet(*leaf_boxes(tree)), schema)
 
 
 def finite_box(

@@ -154,15 +154,13 @@ def verify(
 def _part(policy: TreePolicy, asked: Property, region: Region, everywhere: bool) -> _Part | None:
     """Return the part of a property in one of its boxes; None where it holds no observation."""
     schema = policy.schema
-    low, high = leaf_boxes(policy.tree)
-    low, high = np.maximum(low, region.low), np.minimum(high, region.high)
+    low, high = region.meet(*leaf_boxes(policy.tree))
     if not everywhere:
         bounds = domain(schema)
-        both = np.maximum(region.low, bounds.low), np.minimum(region.high, bounds.high)
-        region = Region(*possible(*both, schema))
+        region = Region(*possible(*bounds.meet(region.low, region.high), schema))
         if not is_box(region.low, region.high):
             return None
-        low, high = possible(np.maximum(low, bounds.low), np.minimum(high, bounds.high), schema)
+        low, high = possible(*bounds.meet(low, high), schema)
     reaching = np.flatnonzero(is_box(low, high))
     is_asked = False
     if asked.kind == "monotone":
@@ -277,6 +275,5 @@ def _dead(policy: TreePolicy, observations: ArrayLike | None) -> _Part:
 
 def _finite(policy: TreePolicy, whole: Region) -> tuple[Floats, Floats]:
     """Return the bounds of a region; infinite sides end a little beyond the thresholds."""
-    low, high = finite_box(policy.schema, policy.tree)
-    low, high = np.maximum(low, whole.low), np.minimum(high, whole.high)
+    low, high = whole.meet(*finite_box(policy.schema, policy.tree))
     return low, np.maximum(low, high)

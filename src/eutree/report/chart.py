@@ -1,7 +1,7 @@
 """Learning curves as inline SVG: a line for each learner, its interval as a band."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 
@@ -13,13 +13,15 @@ from eutree.inspection import diff
 from eutree.report.html import figure, scrolling
 
 # Of each learner: episode, mean, and both ends of the interval.
-Series = Mapping[str, Sequence[tuple[float, float, float, float]]]
+Points = Sequence[tuple[float, float, float, float]]
+Series = Mapping[str, Points]
 
 _WIDTH, _HEIGHT, _LOW = 420.0, 250.0, 150.0
 _LEFT, _RIGHT, _TOP, _BOTTOM = 58.0, 10.0, 10.0, 36.0
 STYLES = 5
 _LEAST = 0.1  # of the largest value: the least span of an axis
 _MEASURES = {"success_rate": "success rate", "mean_return": "return", "n_leaves": "leaves"}
+CHANGES = 6  # boxes that are named of each step
 
 
 @dataclass(frozen=True)
@@ -80,8 +82,7 @@ def chart(
         over: The name of the horizontal axis.
         percent: Whether the values are shares, to be shown as percentages.
         whole: Whether they are counts, of which there are no halves.
-        ends: The least and the largest value of the axis, of one of several charts, which are low;
-            by default those of the series.
+        ends: Of the axis, of one of several charts, which are low; else those of the series.
         names: The names of the values 0, 1, ...
     """
     points = [point for entries in series.values() for point in entries]
@@ -117,6 +118,11 @@ def chart(
     return "\n".join([*lines, "</svg>"])
 
 
+def line(points: Iterable[tuple[float, float]]) -> Points:
+    """Return the points of a line without an interval."""
+    return [(float(x), *3 * (float(y),)) for x, y in points]
+
+
 def curves(learners: Mapping[str, Sequence[CurvePoint]]) -> dict[str, Series]:
     """Return success, return and leaves of learners by the name of the measure.
 
@@ -124,7 +130,7 @@ def curves(learners: Mapping[str, Sequence[CurvePoint]]) -> dict[str, Series]:
     """
     return {
         measure: {
-            learner: [(float(p.episode), *3 * (float(getattr(p, name)),)) for p in points]
+            learner: line((p.episode, getattr(p, name)) for p in points)
             for learner, points in learners.items()
         }
         for name, measure in _MEASURES.items()
@@ -146,13 +152,9 @@ def curve_figures(curves: Mapping[str, Series]) -> list[str]:
 def scatter(
     x_title: str, y_title: str, points: Sequence[tuple[float, float, str]], *, percent: bool = False
 ) -> str:
-    """Return a chart of single points.
+    """Return a chart of single points, whose names are shown under the pointer.
 
-    Args:
-        x_title: The measure from left to right.
-        y_title: The measure upwards.
-        points: Both measures of each, and its name, which is shown under the pointer.
-        percent: Whether the upward values are shares, to be shown as percentages.
+    With ``percent`` the values upwards are shares, to be shown as percentages.
     """
     across, up, _ = zip(*points, strict=True)
     counts = all(float(x).is_integer() for x in across)
@@ -173,9 +175,7 @@ def scatter(
 def legend(names: Sequence[str], styles: Sequence[int] | None = None) -> str:
     """Return the list of learners, or of other things drawn, with the line of each.
 
-    Args:
-        names: One name for each line.
-        styles: The style of each line; by default one after the other.
+    The styles of the lines are by default one after the other.
     """
     styles = styles or [k % STYLES for k in range(len(names))]
     entries = (
@@ -186,11 +186,11 @@ def legend(names: Sequence[str], styles: Sequence[int] | None = None) -> str:
     return f'<ul class="legend">{"".join(entries)}</ul>'
 
 
-def ticks(low: float, high: float, *, about: int = 5, whole: bool = False) -> list[float]:
+def ticks(low: float, high: float, *, whole: bool = False) -> list[float]:
     """Return round numbers, evenly spaced, that enclose the interval; ``whole`` ones if asked."""
     if high <= low:
         low, high = low - 0.5, low + 0.5
-    raw = max((high - low) / about, 1.0 if whole else 0.0)
+    raw = max((high - low) / 5, 1.0 if whole else 0.0)
     power = 10.0 ** math.floor(math.log10(raw))
     step = next(power * factor for factor in (1.0, 2.0, 2.5, 5.0, 10.0)
                 if power * factor >= raw and not (whole and power * factor % 1))  # fmt: skip
@@ -217,9 +217,6 @@ def _number(value: float, percent: bool) -> str:
     return f"{100 * value:.4g} %" if percent else f"{value:.4g}"
 
 
-CHANGES = 6  # boxes that are named of each step
-
-
 def front_in_words(front: Sequence[FrontEntry]) -> str:
     """Return the mean return of each size, in a line."""
     return "; ".join(f"{counted(one.policy.n_leaves, 'leaf')}: {_earned(one)}" for one in front)
@@ -228,9 +225,7 @@ def front_in_words(front: Sequence[FrontEntry]) -> str:
 def front_section(front: Sequence[FrontEntry], picked: int | None) -> str:
     """Return the charts of a front, and its trees, of which one is open at a time.
 
-    Args:
-        front: The learned tree and the best tree of each size, the largest first.
-        picked: Leaves of the tree that was picked; None for none.
+    It begins with the learned tree, the largest; ``picked`` are the leaves of the one picked.
     """
     walk = "".join(
         _step(front[max(number - 1, 0)], one, _name(number, one, picked))

@@ -1,4 +1,8 @@
-"""The page of demonstrations: whether more would help, and a picture of each episode."""
+"""The page of demonstrations: whether more would help, and a picture of each episode.
+
+Features with the same unit share a chart, so the position of a task and those of its opponents
+are seen against each other; a feature without a unit has a chart to itself.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,9 +15,14 @@ import numpy as np
 from eutree.arrays import Floats
 from eutree.data import Demonstrations, Episode
 from eutree.evaluation.expert_curve import ExpertCurve, expert_curve
-from eutree.report.chart import STYLES, chart, legend
+from eutree.report.chart import STYLES, chart, legend, line
 from eutree.report.html import asset, figure, head, page
 from eutree.schema import Schema
+
+MAX_FEATURES = 12
+_MAX_POINTS = 400  # of a line
+_LONGEST = 7  # letters of an action's name on an axis
+MAX_EPISODES = 100
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,15 +100,6 @@ def _curve(curve: ExpertCurve) -> dict[str, Any]:
     }
 
 
-# Features with the same unit share a chart, so the position of a task and those of its opponents
-# are seen against each other; a feature without a unit has a chart to itself.
-
-
-MAX_FEATURES = 12
-_MAX_POINTS = 400  # of a line
-_LONGEST = 7  # letters of an action's name on an axis
-
-
 def panels(schema: Schema) -> list[list[int]]:
     """Return the features of each chart, in index order."""
     by_unit: dict[str, list[int]] = {}
@@ -116,31 +116,26 @@ def _drawn(episode: Episode, schema: Schema, ends: Sequence[tuple[float, float]]
     for group, axis in zip(panels(schema), ends, strict=True):
         features = [schema.features[j] for j in group]
         series = {
-            feature.name: [
-                (float(step), *3 * (float(value),))
+            feature.name: line(
+                (step, value)
                 for step, value in zip(shown, episode.observations[shown, j], strict=True)
                 if np.isfinite(value)
-            ]
+            )
             for feature, j in zip(features, group, strict=True)
         }
         alone = f"{features[0].name} {features[0].unit}".strip()
         title = alone if len(group) == 1 else features[0].unit
         charts.append(figure(title, chart(title, series, over="steps", ends=axis)))
     starts = [0, *(np.flatnonzero(np.diff(episode.actions)) + 1).tolist(), len(episode)]
-    held = [
-        (float(step), *3 * (float(episode.actions[first]),))
-        for first, last in pairwise(starts)
-        for step in (first, last)
-    ]
+    held = line(
+        (step, episode.actions[first]) for first, last in pairwise(starts) for step in (first, last)
+    )
     names = [n if len(n) <= _LONGEST else f"{n[: _LONGEST - 2]}…" for n in schema.actions]
     highest = float(schema.n_actions - 1)
     acted = chart(
         "action", {"action": held}, over="steps", whole=True, ends=(0.0, highest), names=names
     )
     return f'<div class="charts">{"".join(charts)}{figure("action", acted)}</div>'
-
-
-MAX_EPISODES = 100
 
 
 def demonstrations_page(
@@ -179,14 +174,9 @@ def _head(demonstrations: Demonstrations, title: str, figures: DemonstrationFigu
         f"{len(demonstrations)} episodes" + (f" and {discarded} discarded" if discarded else ""),
         f"{demonstrations.n_transitions} steps",
     ]
-    return head(title, [_verdict(figures)], [" · ".join(filter(None, facts))])
-
-
-def _verdict(figures: DemonstrationFigures) -> str:
-    """Return how often the task was done, and whether more would help."""
     success = figures.success_rate
     share = "" if success is None else f"{100 * success:.0f} % of the episodes succeed. "
-    return share + figures.advice
+    return head(title, [share + figures.advice], [" · ".join(filter(None, facts))])
 
 
 def _episodes(demonstrations: Demonstrations, numbers: Sequence[int]) -> str:

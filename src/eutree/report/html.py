@@ -84,15 +84,10 @@ def _hash(source: str) -> str:
 
 @dataclass(frozen=True)
 class Pointer:
-    """Words of a verdict that point at a place of the page.
+    """Words of a verdict that point at a place of the page."""
 
-    Attributes:
-        words: The part of the sentence that becomes a link.
-        target: Id of the element, or ``node-N`` for a node of the page's tree.
-    """
-
-    words: str
-    target: str
+    words: str  # the part of the sentence that becomes a link
+    target: str  # id of the element, or ``node-N`` for a node of the page's tree
 
 
 Verdict = Sequence[str | Pointer]
@@ -138,15 +133,10 @@ def scrolling(label: str, content: str, *, tag: str = "div", kind: str = "") -> 
 
 @dataclass(frozen=True)
 class LeafChange:
-    """The earlier policy's decisions where a leaf decides now.
+    """The earlier policy's decisions where a leaf decides now."""
 
-    Attributes:
-        was: The earlier action, the most frequent of those that differ.
-        share: The share of the leaf's recorded steps that were decided otherwise.
-    """
-
-    was: int
-    share: float
+    was: int  # the earlier action, the most frequent of those that differ
+    share: float  # of the leaf's recorded steps that were decided otherwise
 
     def facts(self) -> dict[str, Any]:
         """Return the change in JSON's types."""

@@ -12,6 +12,7 @@ from eutree.errors import FormatError, InvalidArgumentError, blamed
 from eutree.files import read_bytes
 from eutree.policies import TreePolicy
 from eutree.policy_search.model_trust import ModelTrust
+from eutree.report.chart import Series, line
 from eutree.report.run_page import RunReport, Table, WatchedTree
 
 RACES = ("race", "tree", "made by", "episodes", "mean return", "then")
@@ -53,7 +54,7 @@ def report_of_run(folder: str | Path) -> RunReport:
 
 
 def _report(path: Path, config: Event, events: Sequence[Event]) -> RunReport:
-    judged = [event for event in events if event["event"] == "judgement"]
+    judged = _last(events, "judgement")
     taught = [event for event in events if event.get("stage") == "teacher"]
     steps = max((int(event["steps"]) for event in events), default=0)
     notes = [*_last_evaluation(events), f"Seed {config['seed']}, {steps:,} environment steps."]
@@ -69,10 +70,10 @@ def _report(path: Path, config: Event, events: Sequence[Event]) -> RunReport:
     if config.get("teacher"):
         notes.append(f"Its teacher is one's own: {config['teacher']}, which are not counted.")
     verdict = "This run has not ended yet, or had nothing to be judged against."
-    if judged:
+    if judged is not None:
         from eutree.training import Judgement
 
-        judgement = Judgement.from_facts(judged[-1])
+        judgement = Judgement.from_facts(judged)
         sentences = judgement.describe("the tree that it started from"), judgement.verdict()
         verdict = " ".join(f"{one[0].upper()}{one[1:]}." for one in sentences if one)
     front, picked = _front(path, events)
@@ -91,27 +92,32 @@ def _report(path: Path, config: Event, events: Sequence[Event]) -> RunReport:
     )
 
 
+def _last(events: Sequence[Event], kind: str) -> Event | None:
+    """Return the last event of a kind; None if there was none."""
+    return next((event for event in reversed(events) if event["event"] == kind), None)
+
+
 def _front(path: Path, events: Sequence[Event]) -> tuple[list[FrontEntry], int | None]:
     """Return the front of a run whose trees are there, and the leaves of the pick."""
-    known = [event for event in events if event["event"] == "front"]
-    if not known or not (path / "front").is_dir():
+    known = _last(events, "front")
+    if known is None or not (path / "front").is_dir():
         return [], None
-    names = ["learned", *(str(int(facts["n_leaves"])) for facts in known[-1]["front"][1:])]
+    names = ["learned", *(str(int(facts["n_leaves"])) for facts in known["front"][1:])]
     trees = [TreePolicy.load(path / "front" / f"{name}.json") for name in names]
-    pairs = zip(trees, known[-1]["front"], strict=True)
-    return [FrontEntry.from_facts(*pair) for pair in pairs], int(known[-1]["picked"])
+    pairs = zip(trees, known["front"], strict=True)
+    return [FrontEntry.from_facts(*pair) for pair in pairs], int(known["picked"])
 
 
 def _last_evaluation(events: Sequence[Event]) -> list[str]:
     """Return a sentence on how the policy did when it was last evaluated, if it ever was."""
-    found = [event for event in events if event["event"] == "evaluation"]
-    if not found:
+    found = _last(events, "evaluation")
+    if found is None:
         return []
-    success = found[-1].get("success_rate")
+    success = found.get("success_rate")
     succeeded = "" if success is None else f"{success:.0%} success, ".replace("%", " %")
     return [
-        f"At the end {succeeded}mean return {found[-1]['mean_return']:.2f} "
-        f"with {found[-1]['n_leaves']:,} leaves."
+        f"At the end {succeeded}mean return {found['mean_return']:.2f} "
+        f"with {found['n_leaves']:,} leaves."
     ]
 
 
@@ -126,29 +132,21 @@ def _objects(path: Path) -> list[Event]:
     return found
 
 
-def _curves(
-    events: Sequence[Event], taught: Sequence[Event]
-) -> dict[str, dict[str, list[tuple[float, float, float, float]]]]:
+def _curves(events: Sequence[Event], taught: Sequence[Event]) -> dict[str, Series]:
     """Return the frozen evaluations, and the teacher's training returns, as means of twenty."""
-    curves = {}
+    curves: dict[str, Series] = {}
     points = [event for event in events if event["event"] == "evaluation"]
     if len(points) > 1:
-        curves["return of the policy"] = {"learned": [_point(event) for event in points]}
+        learned = line((event["episode"], event["mean_return"]) for event in points)
+        curves["return of the policy"] = {"learned": learned}
     if len(taught) > WINDOW:
         returns = np.array([float(event["return"]) for event in taught])
         mean = np.convolve(returns, np.full(WINDOW, 1.0 / WINDOW), mode="valid")
         number = np.array([float(event["episode"]) for event in taught[WINDOW - 1 :]])
         some = np.unique(np.linspace(0, mean.size - 1, 200).astype(int))  # enough for a line
-        rows = zip(number[some].tolist(), mean[some].tolist(), strict=True)
-        curves["return of the teacher while it learns"] = {
-            "teacher": [(at, value, value, value) for at, value in rows]
-        }
+        means = line(zip(number[some], mean[some], strict=True))
+        curves["return of the teacher while it learns"] = {"teacher": means}
     return curves
-
-
-def _point(event: Event) -> tuple[float, float, float, float]:
-    value = float(event["mean_return"])
-    return float(event["episode"]), value, value, value
 
 
 def _trust(events: Sequence[Event]) -> ModelTrust | None:

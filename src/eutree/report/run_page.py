@@ -17,18 +17,8 @@ from eutree.export.svg import STYLE
 from eutree.policies import TreePolicy
 from eutree.policy_search.model_trust import ModelTrust
 from eutree.report.chart import Series, curve_figures, front_section, legend, scatter
-from eutree.report.html import (
-    LeafChange,
-    Verdict,
-    as_json,
-    asset,
-    base_style,
-    figure,
-    head,
-    page,
-    scrolling,
-)
-from eutree.report.tree_data import SIZE_LIMIT, add_pictures, tree_data
+from eutree.report.html import LeafChange, Verdict, asset, figure, head, page, scrolling
+from eutree.report.tree_data import add_pictures, tree_data
 from eutree.report.watching import WatchedEpisode
 
 CHANGES_ID = "what-changed"  # where a verdict may point
@@ -156,9 +146,7 @@ def run_page(report: RunReport) -> str:
     style = asset("watch.css") + style
     script = "".join(asset(f"{name}.js") for name in _SCRIPTS)
     data = _data(report.watched)
-    text = body + script + base_style() + style
-    room = SIZE_LIMIT - len(as_json(data)) - len(text.encode()) - 4096
-    add_pictures(data, report.watched.episodes, room)
+    add_pictures(data, report.watched.episodes, body + script + style)
     return page(title=report.title, body=body, style=style, script=script, data=data)
 
 

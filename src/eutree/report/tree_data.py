@@ -13,7 +13,7 @@ from eutree.display import decimals_of, told_apart, usual_width
 from eutree.errors import InvalidArgumentError
 from eutree.export.drawing import fills
 from eutree.policies import TreePolicy
-from eutree.report.html import LeafChange
+from eutree.report.html import LeafChange, as_json, base_style
 from eutree.report.watching import WatchedEpisode
 from eutree.schema import Feature, Schema
 from eutree.trees.text import Digits
@@ -131,8 +131,14 @@ def _decimals(policy: TreePolicy, episodes: Sequence[WatchedEpisode]) -> list[in
     return found
 
 
-def add_pictures(data: dict[str, Any], episodes: Sequence[WatchedEpisode], room: int) -> None:
-    """Add the pictures of as many episodes, from the first on, as have room in so many bytes."""
+def add_pictures(
+    data: dict[str, Any], episodes: Sequence[WatchedEpisode], text: str, limit: int = SIZE_LIMIT
+) -> None:
+    """Add the pictures of as many episodes, from the first on, as have room on a page.
+
+    Its ``text`` is all but the data and the style of every page; it has so many bytes at most.
+    """
+    room = limit - len(as_json(data)) - len((text + base_style()).encode()) - 4096
     for entry, watched in zip(data["episodes"], episodes, strict=True):
         frames = [
             f"data:{watched.media_type};base64,{base64.b64encode(frame).decode('ascii')}"
