@@ -9,7 +9,6 @@ import numpy as np
 
 from eutree.arrays import Floats
 from eutree.cli import _options as option
-from eutree.cli._options import Helped
 from eutree.cli._output import Result, figures_of, front_drawn
 from eutree.cli._policies import (
     against_option,
@@ -44,7 +43,7 @@ _FIGURES = """
 
 
 @click.command(
-    cls=Helped,
+    cls=option.Helped,
     groups={
         "What is wanted": ("max_leaves", "return_margin", "max_disagreement", "round_thresholds",
                            "monotone"),

@@ -8,7 +8,6 @@ from typing import Any
 import click
 
 from eutree.cli import _options as option
-from eutree.cli._options import Helped, ResultCommand, Written
 from eutree.cli._output import Result, figures_of
 from eutree.cli.fit import hurting
 from eutree.data import DemonstrationFolder, Demonstrations, Episode, LogFormat
@@ -34,7 +33,7 @@ def demos() -> None:
 
 
 demos.add_command(hurting)
-demos.command_class = ResultCommand
+demos.command_class = option.ResultCommand
 
 
 _folder = click.argument("folder", type=click.Path(path_type=Path))
@@ -228,7 +227,7 @@ def stats(folder: Path, html: Path | None) -> Result:
 
 
 @demos.command(
-    "import", cls=Helped,
+    "import", cls=option.Helped,
     brief=("out", "environment", "episode_column", "action_column", "reward_column", "drop",
            "nominal", "missing", "time", "actions", "as_json"),
     epilog="Example: eutree demos import minari:eutree/evasion2/human-v0 --out demos/",
@@ -309,7 +308,7 @@ def import_(
 
 @demos.command(epilog="Example: eutree demos export demos/ minari:eutree/evasion2/human-v0")
 @_folder
-@click.argument("target", type=Written())
+@click.argument("target", type=option.Written())
 @option.module
 def export(folder: Path, target: str) -> Result:
     """Write the kept episodes of FOLDER to TARGET: minari:ID, or a file .csv or .npz.

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from eutree.cli import _options as option
-from eutree.cli._options import Helped, ResultCommand, line_with
 from eutree.cli._output import Result, figures_of, progress
 from eutree.cli._policies import OWN, check_fits, controller, load_demonstrations, load_policy
 from eutree.cli.parts import cluster, workers_options
@@ -31,7 +30,7 @@ if TYPE_CHECKING:
 _EXAMPLE = "eutree distill eutree/Evasion2-v0 --expert gate --max-leaves 8 --out distilled.json"
 
 
-@click.command(cls=Helped, epilog="Example: eutree fit demos/ --out expert.json")
+@click.command(cls=option.Helped, epilog="Example: eutree fit demos/ --out expert.json")
 @click.argument("demonstrations", type=click.Path(path_type=Path))
 @option.output("--out", text="File to write.", required=True)
 @option.count(
@@ -97,11 +96,13 @@ def fit(
     hint = ""
     is_open = report.verdict and (report.verdict.is_worse or report.verdict.is_open)
     if is_open and not options["practise"]:
-        hint = f"\n{line_with('--practise', '100')} goes on with learning"
+        hint = f"\n{option.line_with('--practise', '100')} goes on with learning"
     return Result(_values(report, out), f"{report.policy}\n{report}\nwritten to {out}{hint}")
 
 
-@click.command(cls=ResultCommand, epilog="Example: eutree demos hurting demos/ --out demos-cut/")
+@click.command(
+    cls=option.ResultCommand, epilog="Example: eutree demos hurting demos/ --out demos-cut/"
+)
 @click.argument("folder", type=click.Path(path_type=Path))
 @option.output("--out", text="A new folder, without the segments that were found.")
 @option.count("--episodes", 3000, "Episodes of a search; confirming takes more.")
@@ -228,7 +229,7 @@ def _values(report: FitReport, out: Path) -> dict[str, Any]:
     }
 
 
-@click.command(cls=Helped, epilog=f"Example: {_EXAMPLE}")
+@click.command(cls=option.Helped, epilog=f"Example: {_EXAMPLE}")
 @click.argument("environment")
 @option.output("--out", text="File to write.", required=True)
 @click.option(

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from eutree.cli import _options as option
-from eutree.cli._options import Helped, ResultCommand
 from eutree.cli._output import Result, progress, runs_as_values, say
 from eutree.errors import EutreeError
 from eutree.evaluation import Interval
@@ -30,7 +29,7 @@ if TYPE_CHECKING:
 HEAD = "name                    leaves  return [95 %]              worst    steps  proven"
 
 
-@click.command(cls=Helped, epilog="Example: eutree demo CartPole-v1 --expert fall")
+@click.command(cls=option.Helped, epilog="Example: eutree demo CartPole-v1 --expert fall")
 @click.argument("environment", default="eutree/Evasion2-v0")
 @click.option("--expert", help="A scripted demonstrator of the environment; by default its first.")
 @option.output("--out", text="Folder to write.", default="demo-report")
@@ -106,7 +105,7 @@ def _story(result: "DemoResult") -> "Group":
     return Group(Text(result.verdict, style="bold"), table, Text("\n".join(lines)))
 
 
-@click.command(cls=ResultCommand, epilog="Example: eutree zoo MountainCar-v0")
+@click.command(cls=option.ResultCommand, epilog="Example: eutree zoo MountainCar-v0")
 @click.argument("task", required=False)
 def zoo(task: str | None) -> Result:
     """List the learned trees that come with the package, or those of TASK, or the one of TASK:N.
@@ -160,7 +159,7 @@ JOBS = {
 }
 
 
-@click.command(cls=ResultCommand, name="warm-up", epilog="Example: eutree warm-up")
+@click.command(cls=option.ResultCommand, name="warm-up", epilog="Example: eutree warm-up")
 @option.count("--n-jobs", 2, "Processes that compile at the same time.")
 def warm_up(n_jobs: int) -> Result:
     """Compile the loops of fitting, planning and learning for this computer.

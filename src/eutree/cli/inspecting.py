@@ -9,7 +9,6 @@ from typing import Any
 import click
 
 from eutree.cli import _options as option
-from eutree.cli._options import Helped, ResultCommand
 from eutree.cli._output import Result, figures_of, say
 from eutree.cli._policies import (
     in_zoo,
@@ -36,7 +35,7 @@ _NUMBER = re.compile(r"[0-9]{1,9}")  # of a node or a leaf
 
 
 @click.command(
-    cls=ResultCommand,
+    cls=option.ResultCommand,
     epilog="Example: eutree why expert.json --observation 8,3.2,-1 --demos demos/",
 )
 @click.argument("policy", type=click.Path(path_type=Path))
@@ -84,7 +83,7 @@ def why(policy: Path, observation: str, demos: Path | None) -> Result:
 
 
 @click.command(
-    cls=ResultCommand, epilog="Example: eutree diff runs/a/expert.json runs/a/policy.json"
+    cls=option.ResultCommand, epilog="Example: eutree diff runs/a/expert.json runs/a/policy.json"
 )
 @click.argument("first", type=click.Path(path_type=Path))
 @click.argument("second", type=click.Path(path_type=Path))
@@ -109,7 +108,7 @@ def diff(first: Path, second: Path, demos: Path | None) -> Result:
 
 
 @click.command(
-    cls=ResultCommand,
+    cls=option.ResultCommand,
     epilog="Example: eutree verify expert.json --property 'always go when position > 25'",
 )
 @click.argument("policy", type=click.Path(path_type=Path))
@@ -166,7 +165,7 @@ def verify(
 
 
 @click.command(
-    cls=Helped,
+    cls=option.Helped,
     epilog="Example: eutree edit expert.json --set-threshold 0=18.5 --lock 1 --out new.json",
 )
 @click.argument("policy", type=click.Path(path_type=Path))

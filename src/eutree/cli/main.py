@@ -166,15 +166,12 @@ def run(arguments: Sequence[str]) -> int:
     except click.exceptions.NoArgsIsHelpError as error:
         click.echo(error.format_message(), err=True)
         return EXIT_MISTAKE
-    except click.exceptions.Abort as abort:  # click's name for Ctrl-C
+    except (click.exceptions.Abort, KeyboardInterrupt) as end:  # Abort is click's name for Ctrl-C
         click.echo("interrupted", err=True)
-        return _interrupted(abort.__cause__)
+        return _interrupted(end if isinstance(end, KeyboardInterrupt) else end.__cause__)
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-    except KeyboardInterrupt as interrupt:
-        click.echo("interrupted", err=True)
-        return _interrupted(interrupt)
     except Exception as error:
         return _report(error, debug=debug)
     return code if isinstance(code, int) else 0

@@ -94,13 +94,11 @@ def _dask_client(address: str) -> Any:
         from distributed import Client
     except ImportError:
         raise MissingExtraError("dask.distributed", "cluster") from None
-    where = {"address": address}
-    if address.endswith(".json"):
-        where = {"scheduler_file": address}
+    is_file = address.endswith(".json")
     try:
-        if "scheduler_file" in where:
+        if is_file:
             _wait_for(Path(address))
-        return Client(**where, timeout=PATIENCE)
+        return Client(**{"scheduler_file" if is_file else "address": address}, timeout=PATIENCE)
     except (OSError, ValueError) as error:
         raise InvalidArgumentError(
             "--address must be that of a running scheduler, such as tcp://10.0.0.1:8786, or the "
@@ -121,29 +119,18 @@ def _wait_for(path: Path) -> None:
         time.sleep(0.05)
 
 
-def _check_answers(address: str) -> None:
-    """Raise InvalidArgumentError if nobody answers at HOST:PORT; Ray itself would wait minutes."""
-    host, _, port = address.removeprefix("ray://").rpartition(":")
-    if not port.isdecimal():
-        return  # auto
-    try:
-        socket.create_connection((host, int(port)), timeout=PATIENCE).close()
-    except (OSError, OverflowError) as error:
-        raise InvalidArgumentError(
-            f"--address must be that of a running Ray cluster, or auto, got {address!r}: {error}"
-        ) from None
-
-
 def _join_ray(address: str) -> None:
-    _check_answers(address)
+    host, _, port = address.removeprefix("ray://").rpartition(":")
     try:
+        if port.isdecimal():  # not auto; where nobody answers Ray itself would wait minutes
+            socket.create_connection((host, int(port)), timeout=PATIENCE).close()
         import ray
         from ray.util.joblib import register_ray
+
+        ray.init(address=address, ignore_reinit_error=True, log_to_driver=False)
     except ImportError:
         raise MissingExtraError("ray", "") from None
-    try:
-        ray.init(address=address, ignore_reinit_error=True, log_to_driver=False)
-    except (ConnectionError, ValueError) as error:
+    except (OSError, OverflowError, ValueError) as error:
         raise InvalidArgumentError(
             f"--address must be that of a running Ray cluster, or auto, got {address!r}: {error}"
         ) from error

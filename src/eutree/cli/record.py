@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from eutree.cli import _options as option
-from eutree.cli._options import Helped, wants_json
 from eutree.cli._output import Output, Result, progress, say
 from eutree.cli._policies import OWN, controller, load_policy
 from eutree.display import counted
@@ -46,7 +45,7 @@ page_options = option.together(
 )  # fmt: skip
 
 
-@click.command(cls=Helped, epilog="Example: eutree record eutree/Evasion2-v0 --out demos/")
+@click.command(cls=option.Helped, epilog="Example: eutree record eutree/Evasion2-v0 --out demos/")
 @click.argument("environment")
 @option.output("--out", text="Folder to write; a person continues one that exists.")
 @option.count("--episodes", 15, "How many episodes.")
@@ -89,7 +88,7 @@ def record(
         raise InvalidArgumentError("choose one of --expert and --web")
     if study is not None:
         _lead(environment, study, person=person, keys=keys, hud=hud, fps=fps,
-              as_json=wants_json(), env_arguments=env_arguments, **page)  # fmt: skip
+              as_json=option.wants_json(), env_arguments=env_arguments, **page)  # fmt: skip
         return None
     if person is not None:
         raise InvalidArgumentError("--person needs --study")

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from eutree.cli import _options as option
-from eutree.cli._options import Helped, ResultCommand
 from eutree.cli._output import Result, progress, say
 from eutree.cli._policies import load_demonstrations, load_policy
 from eutree.display import counted
@@ -41,7 +40,7 @@ _COMMENTS: dict[str, Callable[[str], str]] = {
 
 
 @click.command(
-    cls=Helped, epilog="Example: eutree show small.json --html small.html --demos demos/"
+    cls=option.Helped, epilog="Example: eutree show small.json --html small.html --demos demos/"
 )
 @click.argument("policy", type=click.Path(path_type=Path))
 @option.output("--html", text="Write a page on which the policy can be watched and questioned.")
@@ -169,7 +168,7 @@ def _words(policy: TreePolicy, node: int, digits: Digits) -> "Text":
 
 
 @click.command(
-    cls=ResultCommand,
+    cls=option.ResultCommand,
     epilog="Example: eutree export small.json --format c --out evasion.c --header",
 )
 @click.argument("policy", type=click.Path(path_type=Path))
