@@ -152,6 +152,14 @@ class Helped(ResultCommand):
         return name in _SHARED["Everywhere"] or not any(name in of for of in _SHARED.values())
 
 
+def command(
+    example: str, *, helped: bool = True, **more: Any
+) -> Callable[[Callable[..., Any]], click.Command]:
+    """Return the decorator of a command with an example, with or without ``--help-all``."""
+    kind = {"cls": Helped if helped else ResultCommand}
+    return click.command(**kind | more, epilog=f"Example: {example}")
+
+
 def _show_all(context: click.Context, parameter: click.Parameter, asked: bool) -> None:
     """Print the whole help and end the command."""
     if asked and not context.resilient_parsing:

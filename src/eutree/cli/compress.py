@@ -42,8 +42,8 @@ _FIGURES = """
 """
 
 
-@click.command(
-    cls=option.Helped,
+@option.command(
+    "eutree compress runs/a --out small.json --round",
     groups={
         "What is wanted": ("max_leaves", "return_margin", "max_disagreement", "round_thresholds",
                            "monotone"),
@@ -53,7 +53,6 @@ _FIGURES = """
     },
     brief=("out", "max_leaves", "return_margin", "round_thresholds", "front", "against", "demos",
            "imagined", "episodes", "seed", "as_json"),
-    epilog="Example: eutree compress runs/a --out small.json --round",
 )  # fmt: skip
 @click.argument("source", type=click.Path(path_type=Path))
 @option.output("--out", text="File to write.", required=True)

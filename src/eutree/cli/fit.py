@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 _EXAMPLE = "eutree distill eutree/Evasion2-v0 --expert gate --max-leaves 8 --out distilled.json"
 
 
-@click.command(cls=option.Helped, epilog="Example: eutree fit demos/ --out expert.json")
+@option.command("eutree fit demos/ --out expert.json")
 @click.argument("demonstrations", type=click.Path(path_type=Path))
 @option.output("--out", text="File to write.", required=True)
 @option.count(
@@ -100,9 +100,7 @@ def fit(
     return Result(_values(report, out), f"{report.policy}\n{report}\nwritten to {out}{hint}")
 
 
-@click.command(
-    cls=option.ResultCommand, epilog="Example: eutree demos hurting demos/ --out demos-cut/"
-)
+@option.command("eutree demos hurting demos/ --out demos-cut/", helped=False)
 @click.argument("folder", type=click.Path(path_type=Path))
 @option.output("--out", text="A new folder, without the segments that were found.")
 @option.count("--episodes", 3000, "Episodes of a search; confirming takes more.")
@@ -229,7 +227,7 @@ def _values(report: FitReport, out: Path) -> dict[str, Any]:
     }
 
 
-@click.command(cls=option.Helped, epilog=f"Example: {_EXAMPLE}")
+@option.command(_EXAMPLE)
 @click.argument("environment")
 @option.output("--out", text="File to write.", required=True)
 @click.option(

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 HEAD = "name                    leaves  return [95 %]              worst    steps  proven"
 
 
-@click.command(cls=option.Helped, epilog="Example: eutree demo CartPole-v1 --expert fall")
+@option.command("eutree demo CartPole-v1 --expert fall")
 @click.argument("environment", default="eutree/Evasion2-v0")
 @click.option("--expert", help="A scripted demonstrator of the environment; by default its first.")
 @option.output("--out", text="Folder to write.", default="demo-report")
@@ -105,7 +105,7 @@ def _story(result: "DemoResult") -> "Group":
     return Group(Text(result.verdict, style="bold"), table, Text("\n".join(lines)))
 
 
-@click.command(cls=option.ResultCommand, epilog="Example: eutree zoo MountainCar-v0")
+@option.command("eutree zoo MountainCar-v0", helped=False)
 @click.argument("task", required=False)
 def zoo(task: str | None) -> Result:
     """List the learned trees that come with the package, or those of TASK, or the one of TASK:N.
@@ -159,7 +159,7 @@ JOBS = {
 }
 
 
-@click.command(cls=option.ResultCommand, name="warm-up", epilog="Example: eutree warm-up")
+@option.command("eutree warm-up", helped=False, name="warm-up")
 @option.count("--n-jobs", 2, "Processes that compile at the same time.")
 def warm_up(n_jobs: int) -> Result:
     """Compile the loops of fitting, planning and learning for this computer.

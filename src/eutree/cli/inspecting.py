@@ -34,10 +34,7 @@ EXIT_REFUTED = 1
 _NUMBER = re.compile(r"[0-9]{1,9}")  # of a node or a leaf
 
 
-@click.command(
-    cls=option.ResultCommand,
-    epilog="Example: eutree why expert.json --observation 8,3.2,-1 --demos demos/",
-)
+@option.command("eutree why expert.json --observation 8,3.2,-1 --demos demos/", helped=False)
 @click.argument("policy", type=click.Path(path_type=Path))
 @click.option("--observation", required=True, metavar="X,Y,...",
               help="The observation, a number for each feature.")  # fmt: skip
@@ -82,9 +79,7 @@ def why(policy: Path, observation: str, demos: Path | None) -> Result:
     )
 
 
-@click.command(
-    cls=option.ResultCommand, epilog="Example: eutree diff runs/a/expert.json runs/a/policy.json"
-)
+@option.command("eutree diff runs/a/expert.json runs/a/policy.json", helped=False)
 @click.argument("first", type=click.Path(path_type=Path))
 @click.argument("second", type=click.Path(path_type=Path))
 @option.path("--demos", text="Demonstrations: how many of their steps each change concerns.")
@@ -107,10 +102,7 @@ def diff(first: Path, second: Path, demos: Path | None) -> Result:
     )
 
 
-@click.command(
-    cls=option.ResultCommand,
-    epilog="Example: eutree verify expert.json --property 'always go when position > 25'",
-)
+@option.command("eutree verify expert.json --property 'always go when position > 25'", helped=False)
 @click.argument("policy", type=click.Path(path_type=Path))
 @click.option("--property", "questions", required=True, multiple=True,
               help="What to prove, for example 'always stop when -2 <= opponent_1 <= 2', "
@@ -164,10 +156,7 @@ def verify(
     )
 
 
-@click.command(
-    cls=option.Helped,
-    epilog="Example: eutree edit expert.json --set-threshold 0=18.5 --lock 1 --out new.json",
-)
+@option.command("eutree edit expert.json --set-threshold 0=18.5 --lock 1 --out new.json")
 @click.argument("policy", type=click.Path(path_type=Path))
 @click.option("--set-threshold", "thresholds", multiple=True, metavar="NODE=VALUE",
               help="New threshold of a test. May be repeated.")  # fmt: skip

@@ -46,7 +46,8 @@ if TYPE_CHECKING:
     _Result = TypeVar("_Result", LearningResult, LearningRuns)
 
 
-@click.command(
+@option.command(
+    "eutree learn eutree/Evasion2-v0 --demos demos/ --out runs/a",
     cls=GoesOn,
     groups={
         "To begin with": ("demos", "expert", "start", "teacher", "teacher_steps", "starts_from",
@@ -61,7 +62,6 @@ if TYPE_CHECKING:
     },
     brief=("demos", "expert", "method", "episodes", "steps", "minutes", "max_leaves", "runs", "out",
            "resume", "env_arguments", "import", "seed", "as_json"),
-    epilog="Example: eutree learn eutree/Evasion2-v0 --demos demos/ --out runs/a",
 )  # fmt: skip
 @click.argument("environment", required=False)
 @option.path("--demos", text="Demonstrations to start from.")

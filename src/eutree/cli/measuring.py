@@ -6,7 +6,6 @@ from typing import Any
 import click
 
 from eutree.cli import _options as option
-from eutree.cli._options import Helped
 from eutree.cli._output import Result, figures_of
 from eutree.cli._policies import against_option, check_fits, controller, load_policy, set_against
 from eutree.cli.parts import cluster, workers_options
@@ -19,7 +18,7 @@ from eutree.schema import EnvironmentSpec
 EXIT_CODES = {"proven": 0, "refuted": 1, "undecided": 3}
 
 
-@click.command(cls=Helped, epilog="Example: eutree evaluate runs/a/policy.json --episodes 1000")
+@option.command("eutree evaluate runs/a/policy.json --episodes 1000")
 @click.argument("policy", type=click.Path(path_type=Path))
 @click.argument("environment", required=False)
 @option.count("--episodes", 100, "How many episodes.")
@@ -66,7 +65,7 @@ def evaluate(
     )
 
 
-@click.command(cls=Helped, epilog="Example: eutree prove expert.json --sampled --html proof.html")
+@option.command("eutree prove expert.json --sampled --html proof.html")
 @click.argument("policy", type=click.Path(path_type=Path))
 @click.argument("question", metavar="[PROPERTY]", required=False)
 @click.option("--env", "environment", metavar="ID", help="In place of the one POLICY names.")

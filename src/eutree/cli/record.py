@@ -45,7 +45,7 @@ page_options = option.together(
 )  # fmt: skip
 
 
-@click.command(cls=option.Helped, epilog="Example: eutree record eutree/Evasion2-v0 --out demos/")
+@option.command("eutree record eutree/Evasion2-v0 --out demos/")
 @click.argument("environment")
 @option.output("--out", text="Folder to write; a person continues one that exists.")
 @option.count("--episodes", 15, "How many episodes.")

@@ -39,9 +39,7 @@ _COMMENTS: dict[str, Callable[[str], str]] = {
 }
 
 
-@click.command(
-    cls=option.Helped, epilog="Example: eutree show small.json --html small.html --demos demos/"
-)
+@option.command("eutree show small.json --html small.html --demos demos/")
 @click.argument("policy", type=click.Path(path_type=Path))
 @option.output("--html", text="Write a page on which the policy can be watched and questioned.")
 @option.output(
@@ -167,10 +165,7 @@ def _words(policy: TreePolicy, node: int, digits: Digits) -> "Text":
     return text
 
 
-@click.command(
-    cls=option.ResultCommand,
-    epilog="Example: eutree export small.json --format c --out evasion.c --header",
-)
+@option.command("eutree export small.json --format c --out evasion.c --header", helped=False)
 @click.argument("policy", type=click.Path(path_type=Path))
 @click.option(
     "--format",
