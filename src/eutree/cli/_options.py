@@ -89,11 +89,10 @@ class Helped(ResultCommand):
     """A command with many options, of which ``--help`` shows those that come first.
 
     Args:
-        arguments: As click has them.
+        arguments: As click has them, and ``more``.
         groups: Names of parameters under the heading of each group; others are *Options*.
         brief: Names of the parameters that ``--help`` shows; by default all but those that every
             command has for environments and processes.
-        more: As click has them.
     """
 
     def __init__(

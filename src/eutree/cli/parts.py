@@ -36,11 +36,7 @@ WORKERS_START = 60  # s, for the first worker to be there
 
 
 def workers_options(of_what: str) -> Callable[[_Command], _Command]:
-    """Return the decorator that adds ``--n-jobs``, ``--backend`` and ``--address``.
-
-    Args:
-        of_what: The work that is divided among the processes, for the help.
-    """
+    """Return ``--n-jobs``, ``--backend`` and ``--address``, of the work that is divided."""
     return together(
         click.option(
             "--n-jobs",

@@ -308,11 +308,11 @@ class _Search:
         reached, found = self._judge(tree), list[Hurt]()
         while len(found) < most:
             played = games.play(tree, LOOKED_AT, LOOKING + len(found))
-            guilty = self._guilty(tree, played)
+            guilty = self._guilty(played)
             better = self._better(known, tree, guilty, len(found))
             if better is None:
-                again = self._shown_again(known, tree, guilty, played, reached)
-                found += [] if again is None else [again]
+                if played.failed(Person.of(self.given).mean_return).mean() > OFTEN:
+                    found += self._shown_again(known, tree, guilty, reached)
                 break
             edit, tree = better
             segments = segments_of(known, edit)
@@ -331,7 +331,7 @@ class _Search:
         self.games.begin("judging", self.judged)
         return self.games.figures(tree, JUDGING, self.judged)
 
-    def _guilty(self, tree: TreePolicy, played: Played) -> list[int]:
+    def _guilty(self, played: Played) -> list[int]:
         guilt = blame(played, played.failed(Person.of(self.given).mean_return))
         order = np.argsort(-guilt, kind="stable")[:BLAMED_LEAVES]
         return [leaf for leaf in order.tolist() if guilt[leaf] > 0.0]
@@ -399,17 +399,9 @@ class _Search:
             yield Edit(rows, np.full(rows.size, CUT), "this episode misleads")
 
     def _shown_again(
-        self,
-        known: Demonstrations,
-        tree: TreePolicy,
-        guilty: list[int],
-        played: Played,
-        reached: Evaluation,
-    ) -> Hurt | None:
+        self, known: Demonstrations, tree: TreePolicy, guilty: list[int], reached: Evaluation
+    ) -> list[Hurt]:
         """Return the longest piece shown where the tree fails often, to be shown again."""
-        failed = played.failed(Person.of(self.given).mean_return)
-        if not guilty or failed.mean() <= OFTEN:
-            return None
         steps = KeyRuns.of(known)
         leaves = tree.tree.leaf_index(known.with_history(tree.history).observations)
         can = np.array([known.episodes[k].seed is not None for k in steps.episode.tolist()])
@@ -419,5 +411,5 @@ class _Search:
                 rows = max(pieces, key=len)
                 why = f"the tree fails where it must {' where '.join(leaf_in_words(tree, leaf))}"
                 same = Edit(rows, steps.taught[rows], why)
-                return Hurt("show again", segments_of(known, same), why, reached, None)
-        return None
+                return [Hurt("show again", segments_of(known, same), why, reached, None)]
+        return []

@@ -243,24 +243,21 @@ def front_section(front: Sequence[FrontEntry], picked: int | None) -> str:
 
 def front_charts(front: Sequence[FrontEntry]) -> list[str]:
     """Return the return of each size, and its share of successes where that is reported, drawn."""
-    rates = [(one, one.success_rate) for one in front if one.success_rate is not None]
-    charts = [_chart("mean return", [(one, one.mean_return) for one in front])] if front else []
-    return [*charts, _chart("share of successes", rates, percent=True)] if rates else charts
-
-
-def _chart(
-    measure: str, values: Sequence[tuple[FrontEntry, float]], *, percent: bool = False
-) -> str:
-    points = [
-        (
-            float(one.policy.n_leaves),
-            value,
-            f"{counted(one.policy.n_leaves, 'leaf')}: {_number(value, percent)}",
-        )
-        for one, value in values
-    ]
-    drawing = scatter("leaves", measure, points, percent=percent)
-    return figure(f"{measure.capitalize()} by leaves", drawing)
+    charts = []
+    for measure, of, percent in (
+        ("mean return", "mean_return", False),
+        ("share of successes", "success_rate", True),
+    ):
+        known = [(one.policy.n_leaves, getattr(one, of)) for one in front]
+        points = [
+            (float(leaves), value, f"{counted(leaves, 'leaf')}: {_number(value, percent)}")
+            for leaves, value in known
+            if value is not None
+        ]
+        if points:
+            drawing = scatter("leaves", measure, points, percent=percent)
+            charts.append(figure(f"{measure.capitalize()} by leaves", drawing))
+    return charts
 
 
 def _name(number: int, one: FrontEntry, picked: int | None) -> str:

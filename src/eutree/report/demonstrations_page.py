@@ -15,6 +15,7 @@ import numpy as np
 from eutree.arrays import Floats
 from eutree.data import Demonstrations, Episode
 from eutree.evaluation.expert_curve import ExpertCurve, expert_curve
+from eutree.fitting.report import Person, result_in_words
 from eutree.report.chart import STYLES, chart, legend, line
 from eutree.report.html import asset, figure, head, page
 from eutree.schema import Schema
@@ -52,8 +53,6 @@ class DemonstrationFigures:
 
     def values(self) -> dict[str, Any]:
         """Return the figures for ``--json``."""
-        from eutree.fitting import Person
-
         shown, person = self.demonstrations, Person.of(self.demonstrations)
         return {
             "episodes": len(shown),
@@ -70,9 +69,6 @@ class DemonstrationFigures:
 
     def words(self) -> str:
         """Return the figures in a few lines."""
-        from eutree.fitting import Person
-        from eutree.fitting.report import result_in_words
-
         shown = self.demonstrations
         discarded = len(shown.episodes) - len(shown)
         return (

@@ -43,11 +43,7 @@ def _facts(certificate: Certificate) -> str:
 def drawn(picture: Picture, heading: str) -> str:
     """Return a picture as SVG: light where values are low, dark where they are high.
 
-    Along one number values are heights as well.
-
-    Args:
-        picture: Values over one number or two.
-        heading: The element of its title: ``h2`` or ``h3``.
+    Along one number values are heights as well. Its title is in the element ``heading``.
     """
     rows = picture.marks.shape[1]
     tall = _HEIGHT if rows == 1 else _SQUARE

@@ -32,11 +32,7 @@ def tree_data(
 ) -> dict[str, Any]:
     """Return the data for a page's scripts, without pictures.
 
-    Args:
-        policy: The policy whose tree is drawn.
-        episodes: Episodes to play.
-        demonstrations: Which demonstrated steps fell in which leaf is shown, if given.
-        changes: Leaves that decide otherwise than an earlier policy, to be marked.
+    Which demonstrated steps fell in which leaf is shown; ``changes`` are the leaves to be marked.
     """
     tree, schema = policy.tree, policy.schema
     names = ("feature", "left", "right", "leaf")

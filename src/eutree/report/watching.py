@@ -127,11 +127,7 @@ def watch_if_possible(
 
 
 def film(spec: EnvironmentSpec, episode: Episode) -> WatchedEpisode:
-    """Replay a recorded episode and take a picture of each observation.
-
-    Args:
-        spec: The environment of the episode.
-        episode: The episode; its seed must be known.
+    """Replay a recorded episode, whose seed must be known, and take a picture of each observation.
 
     Raises:
         InvalidArgumentError: The environment draws no pictures, or the episode goes otherwise.
