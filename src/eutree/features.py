@@ -10,7 +10,9 @@ This is the one place in which the past is stacked: for the environment at the b
 episodes, and for policies, which keep a ``FeatureMap`` so that an export can name its inputs.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -68,12 +70,7 @@ class Derivation:
             measured: The measured features, shape [..., m].
             before: The rows of one step before; None at the first step of an episode.
         """
-        columns = [measured[..., j] for j in range(self.n_measured)]
-        for formula in self.formulas:
-            value = formula.compute(columns, lambda j: (columns[j] if before is None
-                                                        else before[..., j]))  # fmt: skip
-            columns.append(np.broadcast_to(value, measured.shape[:-1]))
-        return np.stack(columns, axis=-1)
+        return self._with(measured, lambda now, j: now[j] if before is None else before[..., j])
 
     def after(self, measured: Floats, state: Floats | None, starts: ArrayLike | None) -> Floats:
         """Return observations [..., d] of the measured features, after those in a state.
@@ -91,16 +88,16 @@ class Derivation:
         return np.where(begins[..., np.newaxis], fresh, after)
 
     def of_episode(self, measured: Floats) -> Floats:
-        """Return the observations of an episode with their derived features, shape [T + 1, d].
+        """Return the observations of an episode [T + 1, m] with derived features, [T + 1, d]."""
+        earlier = np.maximum(np.arange(len(measured)) - 1, 0)
+        return self._with(measured, lambda now, j: now[j][earlier])
 
-        Args:
-            measured: Shape [T + 1, m].
-        """
-        columns = list(measured.T)
+    def _with(self, measured: Floats, last: Callable[[list[Floats], int], Floats]) -> Floats:
+        """Return the features with those derived; ``last`` gives a column one step before."""
+        columns = [measured[..., j] for j in range(self.n_measured)]
         for formula in self.formulas:
-            value = formula.compute(columns, lambda j: columns[j][np.maximum(
-                np.arange(len(measured)) - 1, 0)])  # fmt: skip
-            columns.append(np.broadcast_to(value, len(measured)))
+            value = formula.compute(columns, partial(last, columns))
+            columns.append(np.broadcast_to(value, measured.shape[:-1]))
         return np.stack(columns, axis=-1)
 
 

@@ -12,7 +12,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Generic, TextIO, TypeVar
+from typing import Any, Generic, TypeVar
 
 from eutree.errors import InvalidArgumentError
 from eutree.validation import check_integer
@@ -128,12 +128,7 @@ def _settle(paths: list[str], caller: int) -> None:
 
 
 def _hear(
-    message: Warning | str,
-    category: type[Warning],
-    filename: str,
-    lineno: int,
-    file: TextIO | None = None,
-    line: str | None = None,
+    message: Warning | str, category: type[Warning], filename: str, lineno: int, *_: Any, **__: Any
 ) -> None:
     _heard.append((str(message), category, filename, lineno))
 

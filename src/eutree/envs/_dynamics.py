@@ -39,25 +39,7 @@ MAX_NOISE = 10_000_000
 class EvasionParameters:
     """The arguments of the domain, checked, and the constants that follow from them.
 
-    Attributes:
-        n_opponents: Number of opponents N, at least 1.
-        opponent_speed: Speed of every opponent [m/s].
-        agent_speed: Speed of the agent when it goes [m/s].
-        path_length: Length of an opponent's path, bisected by the main path [m].
-        main_path_length: Distance from start to goal [m].
-        crossings: Where the opponents' paths cross the main path [m]; None: equally spaced.
-        noise: Standard deviation of a forward step, as a share of the step.
-        time_step: Time between two decisions [s].
-        collision_distance: An opponent this near at the end of a step is a collision [m].
-        trial_limit: Time after which an episode is cut short [s].
-        observe_direction: Whether the observation shows the opponents' directions.
-        start: Where opponents begin: ``"anywhere"`` on their paths, each at ``"either end"`` of
-            its own, or all at the ``"same end"``.
-        bounce: At an end of its path an opponent goes on the other way within the same step
-            (``"reflect"``), or stands there until the next (``"turn"``).
-        goal_reward: Reward for reaching the goal.
-        collision_reward: Reward for a collision.
-        stop_reward: Reward for each ``stop``.
+    The card of ``EvasionEnv`` has their meaning and units.
     """
 
     n_opponents: int = 2

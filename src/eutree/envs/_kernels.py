@@ -10,18 +10,9 @@ from eutree.envs._dynamics import COLLISION, GOAL, RUNNING, STOP, TIME_LIMIT
 
 # Order of the constants that ``advance_all`` is given.
 CONSTANTS = (
-    "noise",
-    "agent_step",
-    "opponent_step",
-    "half_path",
-    "main_path_length",
-    "collision_square",
-    "goal_reward",
-    "collision_reward",
-    "stop_reward",
-    "start_number",
-    "bounce_number",
-)
+    "noise", "agent_step", "opponent_step", "half_path", "main_path_length", "collision_square",
+    "goal_reward", "collision_reward", "stop_reward", "start_number", "bounce_number",
+)  # fmt: skip
 
 
 class Copies(NamedTuple):

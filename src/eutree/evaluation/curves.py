@@ -76,12 +76,10 @@ def curves_to_pandas(curves: Mapping[int | None, Sequence[CurvePoint]]) -> Any:
     index: dict[str, Any] = {"episode": np.array([p.episode for _, p in points], dtype=np.int64)}
     if None not in curves:
         index = {"seed": np.array([seed for seed, _ in points], dtype=np.int64), **index}
-    rates = [math.nan if p.success_rate is None else p.success_rate for _, p in points]
-    columns = {
-        "steps": np.array([p.steps for _, p in points], dtype=np.int64),
-        "success_rate": np.array(rates, dtype=np.float64),
-        "mean_return": np.array([p.mean_return for _, p in points], dtype=np.float64),
-        "n_leaves": np.array([p.n_leaves for _, p in points], dtype=np.int64),
+    kinds = {"steps": np.int64, "success_rate": float, "mean_return": float, "n_leaves": np.int64}
+    columns = {  # a rate of None becomes NaN
+        name: np.array([getattr(point, name) for _, point in points], dtype=kind)
+        for name, kind in kinds.items()
     }
     return data_frame(columns, index=index)
 

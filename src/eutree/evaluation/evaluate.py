@@ -8,7 +8,7 @@ among processes, too: each makes an environment of its own.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import gymnasium
@@ -145,8 +145,8 @@ def evaluate(
     try:
         if spec is None:
             return _evaluate(policy, env, seeds)
-        task = _Block(policy, Recipe.of(spec), seeds)
-        return Evaluation.join(workers.map(task, workers.blocks(episodes, MAX_COPIES)))
+        block = partial(_evaluated_block, policy, Recipe.of(spec), seeds)
+        return Evaluation.join(workers.map(block, workers.blocks(episodes, MAX_COPIES)))
     finally:
         env.close()
 
@@ -166,21 +166,15 @@ def evaluate_starts(
     return _evaluate(policy, env, seeds, first=starts[0])
 
 
-@dataclass(frozen=True)
-class _Block:
-    """Some of the episodes of an evaluation, in whichever process."""
-
-    policy: Controller
-    recipe: Recipe
-    seeds: Sequence[int]
-
-    def __call__(self, numbers: range) -> Evaluation:
-        env = self.recipe.make()
-        try:
-            seeds = self.seeds[numbers.start : numbers.stop]
-            return _evaluate(self.policy, env, seeds, first=numbers.start)
-        finally:
-            env.close()
+def _evaluated_block(
+    policy: Controller, recipe: Recipe, seeds: Sequence[int], numbers: range
+) -> Evaluation:
+    """Evaluate some of the episodes, in whichever process."""
+    env = recipe.make()
+    try:
+        return _evaluate(policy, env, seeds[numbers.start : numbers.stop], first=numbers.start)
+    finally:
+        env.close()
 
 
 def _spec(environment: Environment, more: Mapping[str, Any] | None) -> EnvironmentSpec:

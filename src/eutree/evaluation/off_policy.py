@@ -287,13 +287,11 @@ class Log:
         recorded features already, or the learned tree sees previous actions alone.
         """
         stacked = learned.history and learned.tree.n_features == self.recorded.schema.n_features
-        if stacked:
-            return replace(self._best(histories=(0,)), history=learned.history)
-        return self._best(histories=(0, 1) if learned.history or not learned.past_actions else (0,))
-
-    def _best(self, histories: tuple[int, ...]) -> TreePolicy:
+        may_see = not stacked and (learned.history or not learned.past_actions)
+        histories = (0, 1) if may_see else (0,)
         found = fitted_trees(self.recorded, settings=SETTINGS, histories=histories)
-        return best_left_out(found).policy
+        best = best_left_out(found).policy
+        return replace(best, history=learned.history) if stacked else best
 
 
 def _chance(seed: int, number: int) -> np.random.Generator:

@@ -76,19 +76,7 @@ def schema_to_document(schema: Schema) -> SchemaDocument:
 def schema_from_document(document: SchemaDocument, path: str | Path) -> Schema:
     """Return the schema; ``path`` is for the messages."""
     with blamed(path, "schema"):
-        features = tuple(
-            Feature(
-                feature.name,
-                feature.unit,
-                -math.inf if feature.low is None else feature.low,
-                math.inf if feature.high is None else feature.high,
-                feature.integer,
-                tuple(feature.categories or ()),
-                feature.group,
-                feature.formula,
-            )
-            for feature in document.features
-        )
+        features = tuple(map(_feature, document.features))
         controls = tuple(
             Control(control.name, control.unit, tuple(control.levels))
             for control in document.controls or ()
@@ -97,6 +85,12 @@ def schema_from_document(document: SchemaDocument, path: str | Path) -> Schema:
         if controls and actions == _names_up_to_0_2(controls):
             actions = combined_actions(controls)
         return Schema(features, actions, controls)
+
+
+def _feature(document: FeatureDocument) -> Feature:
+    name, unit, low, high, is_integer, categories, *more = msgspec.structs.astuple(document)
+    bounds = -math.inf if low is None else low, math.inf if high is None else high
+    return Feature(name, unit, *bounds, is_integer, tuple(categories or ()), *more)
 
 
 def _names_up_to_0_2(controls: tuple[Control, ...]) -> tuple[str, ...]:

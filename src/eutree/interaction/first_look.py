@@ -10,7 +10,7 @@ import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from copy import deepcopy
-from typing import Any, NamedTuple, cast
+from typing import Any, cast
 
 import gymnasium
 import numpy as np
@@ -170,24 +170,16 @@ def is_limited(env: gymnasium.Env[Any, Any]) -> bool:
 # cut short, an episode can have another return.
 
 
-class _Rewards(NamedTuple):
-    """Bounds of the reward of every step, and of the addition at the last one."""
-
-    low: float
-    high: float
-    last_low: float = 0.0
-    last_high: float = 0.0
-
-
-# By the name of the environment's class. Arguments that change rewards make the range unknown.
+# Bounds of the reward of every step, and of the addition at the last one, by the name of the
+# environment's class. Arguments that change rewards make the range unknown.
 _REWARDS = {
-    "CartPoleEnv": _Rewards(0.0, 1.0),
-    "MountainCarEnv": _Rewards(-1.0, 0.0),
-    "AcrobotEnv": _Rewards(-1.0, 0.0),
-    "FrozenLakeEnv": _Rewards(0.0, 0.0, 0.0, 1.0),
-    "CliffWalkingEnv": _Rewards(-100.0, -1.0),
-    "TaxiEnv": _Rewards(-10.0, -1.0, 0.0, 21.0),
-    "BlackjackEnv": _Rewards(0.0, 0.0, -1.0, 1.5),
+    "CartPoleEnv": (0.0, 1.0, 0.0, 0.0),
+    "MountainCarEnv": (-1.0, 0.0, 0.0, 0.0),
+    "AcrobotEnv": (-1.0, 0.0, 0.0, 0.0),
+    "FrozenLakeEnv": (0.0, 0.0, 0.0, 1.0),
+    "CliffWalkingEnv": (-100.0, -1.0, 0.0, 0.0),
+    "TaxiEnv": (-10.0, -1.0, 0.0, 21.0),
+    "BlackjackEnv": (0.0, 0.0, -1.0, 1.5),
 }
 _CHANGE_REWARDS = {"sutton_barto_reward", "reward_schedule"}
 
@@ -246,12 +238,10 @@ def _documented(
         return None
     if _CHANGE_REWARDS & set(spec.kwargs) or "step" in vars(inner):
         return None
+    low, high, last_low, last_high = rewards
     steps = min(limits, default=None)
     if steps is None:
-        if rewards.low or rewards.high:
+        if low or high:
             return None
         steps = 1
-    return (
-        min(rewards.low, steps * rewards.low) + rewards.last_low,
-        max(rewards.high, steps * rewards.high) + rewards.last_high,
-    )
+    return min(low, steps * low) + last_low, max(high, steps * high) + last_high

@@ -79,9 +79,8 @@ def folder() -> str:
 
 
 _IMPORT = "One of your own is known once its module is imported: --import MODULE."
-MANNER = frozenset(
-    {DECODE, ONE_HOT, ACTION_GRID}
-)  # how it is observed and acted in, not which one it is
+# How an environment is observed and acted in, not which one it is.
+MANNER = frozenset({DECODE, ONE_HOT, ACTION_GRID})
 # Those of gymnasium.make, and ours.
 MAKE_ARGUMENTS = MANNER | {"max_episode_steps", "disable_env_checker"}
 _NAMES_A_PLACE = re.compile(r"[.:/\\]")

@@ -69,22 +69,9 @@ def merge(tree: DecisionTree, labels: Integers) -> tuple[DecisionTree, Integers]
     Returns:
         The smaller tree and the labels of its leaves.
     """
-    low, high = node_boxes(tree)
-    source = np.arange(tree.n_nodes)  # the node that now stands in a node's place
-    label = np.full(tree.n_nodes, INNER, dtype=np.int64)  # of nodes that are leaves now
-    label[tree.node_of_leaf] = labels
-    for node in range(tree.n_nodes - 1, -1, -1):  # children have larger numbers
-        feature = tree.feature[node]
-        if feature == tree.NO_FEATURE:
-            continue
-        left, right = source[tree.left[node]], source[tree.right[node]]
-        if tree.threshold[node] >= high[node, feature]:
-            source[node] = left
-        elif tree.threshold[node] <= low[node, feature]:
-            source[node] = right
-        elif label[left] != INNER and label[left] == label[right]:
-            label[node] = label[left]
-    return rebuild(tree, source, label)
+    at = np.arange(tree.n_nodes), tree.feature
+    low, high = (bound[at] for bound in node_boxes(tree))  # [M] of the feature that is tested
+    return _without(tree, labels, tree.threshold >= high, tree.threshold <= low)
 
 
 def reachable(tree: DecisionTree, reached: Booleans) -> tuple[DecisionTree, Integers]:
@@ -97,17 +84,29 @@ def reachable(tree: DecisionTree, reached: Booleans) -> tuple[DecisionTree, Inte
     Returns:
         The smaller tree, and which leaf of ``tree`` each of its leaves is, shape [L].
     """
+    return _without(tree, np.arange(tree.n_leaves), ~reached[tree.right], ~reached[tree.left])
+
+
+def _without(
+    tree: DecisionTree,
+    labels: Integers,  # [L]
+    only_left: Booleans,  # [M], not read at leaves
+    only_right: Booleans,  # [M], not read at leaves
+) -> tuple[DecisionTree, Integers]:
+    """Return a tree without tests of one answer, sibling leaves of equal label joined."""
     source = np.arange(tree.n_nodes)  # the node that now stands in a node's place
-    label = np.full(tree.n_nodes, INNER, dtype=np.int64)
-    label[tree.node_of_leaf] = np.arange(tree.n_leaves)
+    label = np.full(tree.n_nodes, INNER, dtype=np.int64)  # of nodes that are leaves now
+    label[tree.node_of_leaf] = labels
     for node in range(tree.n_nodes - 1, -1, -1):  # children have larger numbers
         if tree.feature[node] == tree.NO_FEATURE:
             continue
-        left, right = tree.left[node], tree.right[node]
-        if not reached[right]:
-            source[node] = source[left]
-        elif not reached[left]:
-            source[node] = source[right]
+        left, right = source[tree.left[node]], source[tree.right[node]]
+        if only_left[node]:
+            source[node] = left
+        elif only_right[node]:
+            source[node] = right
+        elif label[left] != INNER and label[left] == label[right]:
+            label[node] = label[left]
     return rebuild(tree, source, label)
 
 
@@ -165,11 +164,9 @@ def graft(
         if tree is stock and not holds[node]:
             tree, node = scion, 0
         feature, cut = int(tree.feature[node]), float(tree.threshold[node])
-        if feature != tree.NO_FEATURE and cut >= high[feature]:
-            work.append((tree, int(tree.left[node]), (low, high), (parent, side)))
-            continue
-        if feature != tree.NO_FEATURE and cut <= low[feature]:
-            work.append((tree, int(tree.right[node]), (low, high), (parent, side)))
+        if feature != tree.NO_FEATURE and not low[feature] < cut < high[feature]:
+            child = tree.left if cut >= high[feature] else tree.right
+            work.append((tree, int(child[node]), (low, high), (parent, side)))
             continue
         if feature == tree.NO_FEATURE:
             leaf = int(tree.leaf[node])
