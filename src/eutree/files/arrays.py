@@ -43,18 +43,9 @@ _HEADER = re.compile(
     r"'shape': \((?P<shape>(?:\d{1,15}, ?)*(?:\d{1,15})?)\), \} *\n?"
 )
 _ZIP_ERRORS = (
-    zipfile.BadZipFile,
-    zlib.error,
-    struct.error,
-    EOFError,
-    KeyError,
-    IndexError,
-    NotImplementedError,
-    OverflowError,
-    RuntimeError,
-    ValueError,
-    OSError,
-)
+    zipfile.BadZipFile, zlib.error, struct.error, EOFError, LookupError, OverflowError,
+    RuntimeError, ValueError, OSError,
+)  # fmt: skip
 
 _Document = TypeVar("_Document", bound=Document)
 Array = NDArray[Any]
@@ -91,16 +82,12 @@ def read_archive(
     return decode_archive(atomic.read_bytes(path, limit=limit), kind, path, limit=limit)
 
 
-def read_arrays(
-    path: str | Path, *, only: Collection[str] | None = None, limit: int = MAX_ARCHIVE
-) -> dict[str, Array]:
+def read_arrays(path: str | Path, *, only: Collection[str] | None = None) -> dict[str, Array]:
     """Read the arrays of an npz file from anywhere, without pickle; see ``read_archive``.
 
-    Args:
-        path: The file.
-        only: Names to read; other members are not even looked at.
-        limit: Cap of the file's size and of all arrays together, in bytes.
+    Members of other names than ``only`` has are not even looked at.
     """
+    limit = MAX_ARCHIVE  # of the file, and of all its arrays together
     data = atomic.read_bytes(path, limit=limit)
     with _as_format_errors(path), zipfile.ZipFile(BytesIO(data)) as archive:
         arrays, size = {}, 0

@@ -34,12 +34,10 @@ class Actor:
         policy: The policy; its ``predict`` is called by keyword, as Stable-Baselines3 does, with
             those of its keywords that it takes.
         env: The environment of the episode.
-        deterministic: Passed to ``predict``.
     """
 
-    def __init__(self, policy: Policy, env: GuardedEnv, *, deterministic: bool = True) -> None:
+    def __init__(self, policy: Policy, env: GuardedEnv) -> None:
         self._policy = FullPolicy(policy)
-        self._deterministic = deterministic
         self._own = not getattr(policy, "reads_features", False)
         self._env = env
         schema = getattr(policy, "schema", None)
@@ -72,7 +70,7 @@ class Actor:
         """
         seen = self._env.own_observation(observation) if self._own else observation[: self._size]
         chosen, self._state = self._policy.predict(
-            seen, self._state, np.array(self._first), self._deterministic, allowed
+            seen, self._state, np.array(self._first), action_masks=allowed
         )
         self._first = False
         number = self._env.number_of(chosen, "the answer of policy.predict", own=self._own)

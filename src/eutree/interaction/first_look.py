@@ -188,20 +188,12 @@ _CHANGE_REWARDS = {"sutton_barto_reward", "reward_schedule"}
 _LEAVE_REWARDS = frozenset(
     kind.step
     for kind in (
-        gymnasium.Wrapper,
-        gymnasium.ActionWrapper,
-        gymnasium.ObservationWrapper,
-        wrappers.FrameStackObservation,
-        wrappers.HumanRendering,
-        wrappers.OrderEnforcing,
-        wrappers.PassiveEnvChecker,
-        wrappers.RecordEpisodeStatistics,
-        wrappers.RecordVideo,
-        wrappers.RenderCollection,
-        wrappers.TimeAwareObservation,
-        wrappers.TimeLimit,
+        gymnasium.Wrapper, gymnasium.ActionWrapper, gymnasium.ObservationWrapper,
+        wrappers.FrameStackObservation, wrappers.HumanRendering, wrappers.OrderEnforcing,
+        wrappers.PassiveEnvChecker, wrappers.RecordEpisodeStatistics, wrappers.RecordVideo,
+        wrappers.RenderCollection, wrappers.TimeAwareObservation, wrappers.TimeLimit,
     )
-)
+)  # fmt: skip
 
 
 def return_range(env: gymnasium.Env[Any, Any]) -> tuple[float, float] | None:

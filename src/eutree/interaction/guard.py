@@ -25,7 +25,7 @@ from eutree.interaction.action_grid import (
 )
 from eutree.interaction.making import OwnFolder
 from eutree.interaction.spaces import decoder, derived_around, describe, encoder, spec_of
-from eutree.schema import EnvironmentSpec, Schema
+from eutree.schema import EnvironmentSpec, Feature, Schema
 from eutree.validation import check_integer
 
 MAX_EPISODE_STEPS = 100_000
@@ -105,7 +105,6 @@ class GuardedEnv:
         self._own_features = own.features
         self.allowed: Booleans | None = None
         self._masks = ActionMasks(env)
-        self._bounds = [(feature.low, feature.high) for feature in own.features]
 
     def reset(self, seed: int | None = None) -> Floats:
         """Begin an episode and return its first observation, shape [d]."""
@@ -246,36 +245,29 @@ class GuardedEnv:
                 f"observation must be of {self.env.observation_space}, "
                 f"got {_brief(value)} ({error})"
             ) from None
-        if vector.shape != (len(self._bounds),):
-            raise self._fault(
-                f"observation must have shape ({len(self._bounds)},), got {vector.shape}"
-            )
-        inside = True
-        for number, (low, high) in zip(vector.tolist(), self._bounds, strict=True):
-            if not low <= number <= high:
-                inside = False
-            elif not -LARGEST <= number <= LARGEST:
-                raise self._fault(_finite("observation", vector.tolist()))
-        if not inside:
-            self._outside(vector)
+        size = len(self._own_features)
+        if vector.shape != (size,):
+            raise self._fault(f"observation must have shape ({size},), got {vector.shape}")
+        numbers: list[float] = vector.tolist()
+        for number in numbers:
+            if not -LARGEST <= number <= LARGEST:  # of NaN neither is true
+                raise self._fault(_finite("observation", numbers))
+        for feature, number in zip(self._own_features, numbers, strict=True):
+            if not feature.low <= number <= feature.high:
+                self._outside(feature, number)
         return vector
 
-    def _outside(self, vector: Floats) -> None:
-        """Fault on NaN and on numbers too large; outside the space, warn once or fault."""
-        if not (np.abs(vector) <= LARGEST).all():
-            raise self._fault(_finite("observation", vector.tolist()))
-        for feature, number in zip(self._own_features, vector.tolist(), strict=True):
-            if feature.low <= number <= feature.high:
-                continue
-            message = (
-                f"observation {feature.name!r} must be in [{feature.low:g}, {feature.high:g}], "
-                f"the environment's own bounds, got {number!r}"
-            )
-            if self._strict:
-                raise self._fault(message)
-            if not self._warned:
-                self._warned = True
-                warnings.warn(f"{self.name}: {message} (said once)", stacklevel=4)
+    def _outside(self, feature: Feature, number: float) -> None:
+        """Warn once of a number outside the space, or fault."""
+        message = (
+            f"observation {feature.name!r} must be in [{feature.low:g}, {feature.high:g}], "
+            f"the environment's own bounds, got {number!r}"
+        )
+        if self._strict:
+            raise self._fault(message)
+        if not self._warned:
+            self._warned = True
+            warnings.warn(f"{self.name}: {message} (said once)", stacklevel=4)
 
     def _reward(self, value: Any) -> float:
         if isinstance(value, str | bytes | bool | np.bool_ | complex) or np.ndim(value):
