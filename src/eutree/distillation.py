@@ -130,17 +130,11 @@ LEARNERS = ("c4.5", "cart")
 
 @dataclass(frozen=True, eq=False)
 class Labelled:
-    """Observations with the teacher's action on each.
+    """Observations with the teacher's action on each."""
 
-    Attributes:
-        observations: The values sensed.
-        actions: The teacher's action on each.
-        weights: How much a wrong decision counts.
-    """
-
-    observations: Floats  # [N, d]
-    actions: Integers  # [N]
-    weights: Floats  # [N]
+    observations: Floats  # [N, d] the values sensed
+    actions: Integers  # [N] the teacher's action on each
+    weights: Floats  # [N] how much a wrong decision counts
 
 
 def fit(

@@ -181,17 +181,11 @@ BEHIND = 1.0  # standard errors behind that end a patient contest
 
 @dataclass(frozen=True)
 class Lead:
-    """By how much a challenger is ahead of the incumbent.
+    """By how much a challenger is ahead of the incumbent."""
 
-    Attributes:
-        mean: Mean of challenger minus incumbent.
-        error: Its standard error; infinite for fewer than two pairs.
-        pairs: Starts that both have run.
-    """
-
-    mean: float
-    error: float
-    pairs: int
+    mean: float  # mean of challenger minus incumbent
+    error: float  # its standard error; infinite for fewer than two pairs
+    pairs: int  # starts that both have run
 
     @classmethod
     def of(cls, gains: Floats) -> "Lead":
@@ -294,17 +288,11 @@ class Ahead:
 
 @dataclass(frozen=True, kw_only=True)
 class AheadApart:
-    """Two trees that ran from starts of their own; the rows of the table have ends of their own.
+    """Two trees that ran from starts of their own; the rows of the table have ends of their own."""
 
-    Attributes:
-        few: Episodes of the challenger below which nothing is said.
-        enough: Its episodes after which it wins if it has earned more.
-        clearly: Standard errors ahead that win on fewer.
-    """
-
-    few: int = 5
-    enough: int = 30
-    clearly: float = 3.0
+    few: int = 5  # episodes of the challenger below which nothing is said
+    enough: int = 30  # its episodes after which it wins if it has earned more
+    clearly: float = 3.0  # standard errors ahead that win on fewer
 
     def next(self, table: Table) -> NextEpisodes | Verdict:
         """Return more episodes of the challenger to run; or that it has won."""

@@ -14,31 +14,21 @@ Table = Floats  # [trees, starts] NaN where a tree has not run; row 0 is the inc
 
 @dataclass(frozen=True)
 class NextEpisodes:
-    """Episodes to run next: those of each of these trees from each of these starts.
+    """Episodes to run next: those of each of these trees from each of these starts."""
 
-    Attributes:
-        trees: Rows of the table.
-        starts: Columns of the table; an episode that the table holds already is not run again.
-    """
-
-    trees: tuple[int, ...]
-    starts: range
+    trees: tuple[int, ...]  # rows of the table
+    starts: range  # columns of the table; an episode that the table holds already is not run again
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """The end of a contest.
+    """The end of a contest."""
 
-    Attributes:
-        winner: Row of the tree that has won.
-        shown: Whether the challenger's claim was shown, with the error that the rule allows; False
-            where a rule promises nothing, and where the incumbent stays.
-        starts: Columns whose returns decided.
-    """
-
-    winner: int
+    winner: int  # row of the tree that has won
+    # Whether the challenger's claim was shown, with the error that the rule allows; False where a
+    # rule promises nothing, and where the incumbent stays
     shown: bool
-    starts: range
+    starts: range  # columns whose returns decided
 
 
 class Rule(Protocol):
@@ -57,21 +47,14 @@ class Rule(Protocol):
 
 @dataclass(frozen=True)
 class Bounds:
-    """Bounds of the mean of challenger minus incumbent.
+    """Bounds of the mean of challenger minus incumbent."""
 
-    Attributes:
-        mean: The mean of the pairs.
-        low: Lower bound.
-        high: Upper bound; each is wrong with the error asked for at most, whenever one looks.
-        range: Lowest and highest return of an episode that this holds for, known or seen.
-        known: Whether that range is known; else the bounds hold if no episode is outside of it.
-    """
-
-    mean: float
-    low: float
-    high: float
+    mean: float  # the mean of the pairs
+    low: float  # lower bound
+    high: float  # upper bound; each is wrong with the error asked for at most, whenever one looks
+    # Lowest and highest return of an episode that this holds for, known or seen
     range: tuple[float, float]
-    known: bool
+    known: bool  # whether that range is known; else the bounds hold if no episode is outside of it
 
     def condition(self) -> str:
         """Return the condition of the bounds, as the end of a sentence; "" where there is none.

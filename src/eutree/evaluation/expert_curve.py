@@ -57,26 +57,16 @@ class ExpertCurvePoint:
 
 @dataclass(frozen=True)
 class ExpertCurve:
-    """How well the expert tree foretells the demonstrator, by number of episodes.
+    """How well the expert tree foretells the demonstrator, by number of episodes."""
 
-    Attributes:
-        points: The measured accuracies, for ascending k.
-        law: The fitted power law of the error.
-        n_episodes: How many episodes there are.
-        most_frequent: Share of the steps with the most frequent action: the accuracy of a tree
-            that knows nothing.
-        more: How many more the gain is for.
-        gain: Accuracy that ``more`` episodes would likely add, by the law.
-        gain_interval: Its 95 % interval.
-    """
-
-    points: tuple[ExpertCurvePoint, ...]
-    law: PowerLaw
-    n_episodes: int
+    points: tuple[ExpertCurvePoint, ...]  # the measured accuracies, for ascending k
+    law: PowerLaw  # the fitted power law of the error
+    n_episodes: int  # how many episodes there are
+    # Share of the steps with the most frequent action: the accuracy of a tree that knows nothing
     most_frequent: float
-    more: int
-    gain: float
-    gain_interval: Interval
+    more: int  # how many more the gain is for
+    gain: float  # accuracy that ``more`` episodes would likely add, by the law
+    gain_interval: Interval  # its 95 % interval
 
     @property
     def advice(self) -> str:

@@ -41,21 +41,13 @@ LAMBDA = 0.9
 
 @dataclass(frozen=True, eq=False)
 class Gains:
-    """Estimates of the gain of a tree over another, by episodes.
+    """Estimates of the gain of a tree over another, by episodes."""
 
-    Attributes:
-        values: One number for each episode that judges.
-        fitted: One for each episode of the log that V and the chances were fitted to.
-        worst: No number can be lower, or none is.
-        whole: Whether they are of whole episodes; else of single deviations.
-        tried: Steps at which the trees differ and the one in question was followed, in all
-            episodes.
-    """
-
-    values: Floats  # [E]
-    fitted: Floats  # [K]
-    worst: float
-    whole: bool
+    values: Floats  # [E] one number for each episode that judges
+    fitted: Floats  # [K] one for each episode of the log that V and the chances were fitted to
+    worst: float  # no number can be lower, or none is
+    whole: bool  # whether they are of whole episodes; else of single deviations
+    # Steps at which the trees differ and the one in question was followed, in all episodes
     tried: int
 
 

@@ -49,26 +49,19 @@ DISCOUNT = 0.99  # of advantages, for methods without a discount
 
 @dataclass(frozen=True)
 class OffPolicyComparison:
-    """The gain of a learned tree over another, estimated from held-out episodes.
+    """The gain of a learned tree over another, estimated from held-out episodes."""
 
-    Attributes:
-        gain: Estimated gain of the learned tree over the other in an episode; nan where unknown.
-        low: Lower bound of the gain at the confidence of ``CONFIDENCE``.
-        predicted: Its gain in rollouts of a world model, less a standard error; nan where whole
-            episodes speak, which need no model.
-        n_held_out: Held-out episodes.
-        condition: Assumption of the bound, as the end of a sentence; "" where there is none.
-        tried: Steps of the log at which the trees differ and the learned one was followed.
-        needed: Steps of that kind that a claim needs: where the range of returns is not known,
-            losses rarer than once in a third of them may not have been seen.
-    """
-
+    # Estimated gain of the learned tree over the other in an episode; nan where unknown
     gain: float
-    low: float
+    low: float  # lower bound of the gain at the confidence of ``CONFIDENCE``
+    # Its gain in rollouts of a world model, less a standard error; nan where whole episodes speak,
+    # which need no model
     predicted: float
-    n_held_out: int
-    condition: str = ""
-    tried: int = 0
+    n_held_out: int  # held-out episodes
+    condition: str = ""  # assumption of the bound, as the end of a sentence; "" where there is none
+    tried: int = 0  # steps of the log at which the trees differ and the learned one was followed
+    # Steps of that kind that a claim needs: where the range of returns is not known, losses rarer
+    # than once in a third of them may not have been seen
     needed: int = 0
 
     @property
@@ -134,22 +127,14 @@ def hold_out(
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Judge:
-    """Compares trees with one and the same other tree, for example that of ``fit``.
+    """Compares trees with one and the same other tree, for example that of ``fit``."""
 
-    Attributes:
-        other: The tree to beat.
-        known: Episodes that V and the actions' chances are fitted to.
-        held_out: Episodes that nothing was fitted to.
-        discount: gamma of the advantages of single deviations.
-        generator: Source of the random numbers of rollouts.
-        return_range: Lowest and highest return of an episode; None where they are not known.
-    """
-
-    other: TreePolicy
-    known: Sequence[Episode]
-    held_out: Sequence[Episode]
-    discount: float
-    generator: np.random.Generator
+    other: TreePolicy  # the tree to beat
+    known: Sequence[Episode]  # episodes that V and the actions' chances are fitted to
+    held_out: Sequence[Episode]  # episodes that nothing was fitted to
+    discount: float  # gamma of the advantages of single deviations
+    generator: np.random.Generator  # source of the random numbers of rollouts
+    # Lowest and highest return of an episode; None where they are not known
     return_range: tuple[float, float] | None = None
 
     def of(self, learned: TreePolicy, error: float = 1.0 - CONFIDENCE) -> OffPolicyComparison:

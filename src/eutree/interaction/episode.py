@@ -185,17 +185,11 @@ def success_of(info: dict[str, Any]) -> bool | None:
 
 @dataclass(frozen=True)
 class ReplayResult:
-    """The result of replaying one episode.
+    """The result of replaying one episode."""
 
-    Attributes:
-        episode: Position of the episode in ``Demonstrations.episodes``.
-        n_steps: Number of steps that were replayed.
-        problem: The first difference; empty if there is none.
-    """
-
-    episode: int
-    n_steps: int
-    problem: str
+    episode: int  # position of the episode in ``Demonstrations.episodes``
+    n_steps: int  # number of steps that were replayed
+    problem: str  # the first difference; empty if there is none
 
     @property
     def is_equal(self) -> bool:

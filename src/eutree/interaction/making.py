@@ -229,17 +229,11 @@ Environment = gymnasium.Env[Any, Any] | EnvironmentSpec | str  # one, how to mak
 
 @dataclass(frozen=True)
 class Recipe:
-    """All that it takes to make an environment in another process.
+    """All that it takes to make an environment in another process."""
 
-    Attributes:
-        spec: How it is made.
-        registered: The entry of Gymnasium's registry for its id; None if its id names a module.
-        names: The names of its features and actions, if a file has them.
-    """
-
-    spec: EnvironmentSpec
-    registered: Any
-    names: Names | None
+    spec: EnvironmentSpec  # how it is made
+    registered: Any  # the entry of Gymnasium's registry for its id; None if its id names a module
+    names: Names | None  # the names of its features and actions, if a file has them
 
     @classmethod
     def of(cls, spec: EnvironmentSpec | str) -> "Recipe":
