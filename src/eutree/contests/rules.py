@@ -33,20 +33,15 @@ class Halving:
     """Many trees to few: all run, the worse half leaves, those left run twice as many starts.
 
     It promises nothing: the winner of many is flattered by being the winner.
-
-    Attributes:
-        first: Starts of the first round.
-        most: Most starts of a tree.
-        keep: Trees that are left at the end; the verdict names the best of them.
-        prices: Return that each tree has to earn for its leaves; empty for none.
-        guesses: Return that each tree is guessed to earn; empty for none. A guess counts for as
-            much as ``GUESS`` episodes: luck is less then, of which the first rounds are full.
     """
 
-    first: int = 8
-    most: int = 512
-    keep: int = 1
+    first: int = 8  # starts of the first round
+    most: int = 512  # most starts of a tree
+    keep: int = 1  # trees that are left at the end; the verdict names the best of them
+    # Return that each tree has to earn for its leaves; empty for none
     prices: tuple[float, ...] = ()
+    # Return that each tree is guessed to earn; empty for none. A guess counts for as much as
+    # ``GUESS`` episodes: luck is less then, of which the first rounds are full.
     guesses: tuple[float, ...] = ()
 
     @classmethod
@@ -93,23 +88,15 @@ class Halving:
 
 @dataclass(frozen=True, kw_only=True)
 class NotWorse:
-    """A challenger wins if it is shown to earn no less than the incumbent by more than a margin.
+    """A challenger wins if it is shown to earn no less than the incumbent by more than a margin."""
 
-    Attributes:
-        margin: How much less it may earn on average.
-        error: Chance that a challenger that earns less than that wins nevertheless.
-        most: Most pairs; after them the incumbent stays.
-        known: Lowest and highest return of an episode; None where they are not known.
-        blind: Pairs below which nothing is shown where they are not known.
-        stake: Tuned on starts that are none of this contest; None for none.
-    """
-
-    margin: float
-    error: float = 0.05
-    most: int = 1000
+    margin: float  # how much less it may earn on average
+    error: float = 0.05  # chance that a challenger that earns less than that wins nevertheless
+    most: int = 1000  # most pairs; after them the incumbent stays
+    # Lowest and highest return of an episode; None where they are not known
     known: tuple[float, float] | None = None
-    blind: int = BLIND
-    stake: float | None = None
+    blind: int = BLIND  # pairs below which nothing is shown where they are not known
+    stake: float | None = None  # tuned on starts that are none of this contest; None for none
 
     def next(self, table: Table) -> NextEpisodes | Verdict:
         """Return more pairs to run; or who has won, once that is shown or hopeless."""
@@ -205,23 +192,19 @@ class Ahead:
     more leaves has to earn them before, and fewer leaves count at the last look. It has to be ahead
     with one more pair, too, in which it loses all of the range of returns: what gains a little in
     each episode and loses much in one of thirty looks sure before that one comes.
-
-    Attributes:
-        looks: Numbers of starts after which the trees are compared, ascending.
-        errors: Standard errors ahead that win.
-        final: Those that win at the last look, and where no more episodes can be run.
-        patient: Whether nobody wins or loses on fewer than 32 pairs, or loses before it is a
-            standard error behind; else the last challenger leaves as soon as it is not ahead. The
-            pair in which it loses is not asked of a patient contest.
-        prices: Return that each tree has to earn for its leaves; empty for none.
-        known: Lowest and highest return of an episode, as far as they are known.
     """
 
+    # Numbers of starts after which the trees are compared, ascending
     looks: tuple[int, ...] = (4, 8, 16, 32, 64)
-    errors: float = 1.0
-    final: float = 1.0
+    errors: float = 1.0  # standard errors ahead that win
+    final: float = 1.0  # those that win at the last look, and where no more episodes can be run
+    # Whether nobody wins or loses on fewer than 32 pairs, or loses before it is a standard error
+    # behind; else the last challenger leaves as soon as it is not ahead. The pair in which it loses
+    # is not asked of a patient contest.
     patient: bool = False
+    # Return that each tree has to earn for its leaves; empty for none
     prices: tuple[float, ...] = ()
+    # Lowest and highest return of an episode, as far as they are known
     known: tuple[float, float] | None = None
 
     @property

@@ -25,24 +25,19 @@ class SmallestWithin:
 
     Columns 0 to ``episodes`` - 1 of the table are for choosing, as many after them for the first
     confirmation, and so on.
-
-    Attributes:
-        sizes: Leaves of each tree, that of the incumbent first.
-        margin: How much less than the incumbent a tree may earn on average: a tree that earns less
-            wins with probability ``error`` at most (Bonferroni over the confirmations, Ville over
-            the looks). None for one standard error of the best tree, which promises nothing.
-        error: See ``margin``.
-        episodes: Starts of the choice, and of each confirmation.
-        known: Lowest and highest return of an episode; None where they are not known.
-        slack: A standard error below this share of the range of returns counts as this share: with
-            many starts, or a tree that never fails, it would else be next to nothing.
     """
 
-    sizes: tuple[int, ...]
+    sizes: tuple[int, ...]  # leaves of each tree, that of the incumbent first
+    # How much less than the incumbent a tree may earn on average: a tree that earns less wins with
+    # probability ``error`` at most (Bonferroni over the confirmations, Ville over the looks). None
+    # for one standard error of the best tree, which promises nothing.
     margin: float | None = None
-    error: float = 0.05
-    episodes: int = 1000
+    error: float = 0.05  # see ``margin``
+    episodes: int = 1000  # starts of the choice, and of each confirmation
+    # Lowest and highest return of an episode; None where they are not known
     known: tuple[float, float] | None = None
+    # A standard error below this share of the range of returns counts as this share: with many
+    # starts, or a tree that never fails, it would else be next to nothing
     slack: float = 0.0
 
     @property

@@ -42,11 +42,7 @@ class ScriptedPolicy(ABC):
 
 
 class RulePolicy(ScriptedPolicy):
-    """Acts by a written rule.
-
-    Args:
-        rule: The rule, from observations [..., d] to actions [...].
-    """
+    """Acts by a written rule, from observations [..., d] to actions [...]."""
 
     def __init__(self, rule: Rule) -> None:
         self._rule = rule

@@ -63,10 +63,7 @@ class ToldEpisode(NamedTuple):
 class FittedLog:
     """V and the chances of actions, fitted to episodes, by which other episodes are judged.
 
-    Args:
-        episodes: At least one step.
-        n_actions: Number of actions A.
-        discount: gamma of V and the advantages of single deviations.
+    The episodes have a step at least; the discount is that of V and of the advantages.
     """
 
     def __init__(self, episodes: Sequence[Episode], n_actions: int, discount: float) -> None:

@@ -30,10 +30,8 @@ _OF_SB3 = frozenset(_KEYWORDS[:3])  # the keywords of its every policy
 class Actor:
     """Decides at each step of an episode, and carries the policy's state from one to the next.
 
-    Args:
-        policy: The policy; its ``predict`` is called by keyword, as Stable-Baselines3 does, with
-            those of its keywords that it takes.
-        env: The environment of the episode.
+    The policy's ``predict`` is called by keyword, as Stable-Baselines3 does, with those of its
+    keywords that it takes.
     """
 
     def __init__(self, policy: Policy, env: GuardedEnv) -> None:
@@ -83,8 +81,7 @@ class Actor:
 class FullPolicy:
     """A policy that takes all arguments of SB3's ``predict``, and answers with a pair as that does.
 
-    Args:
-        policy: Any policy; its ``predict`` may take fewer, and return the action alone.
+    Its own ``predict`` may take fewer, and return the action alone.
     """
 
     def __init__(self, policy: Policy) -> None:
@@ -117,11 +114,9 @@ class FullPolicy:
 
 
 class FunctionPolicy:
-    """A function from an observation to an action, as a policy.
+    """A function from the environment's own observation to an action, as a policy.
 
-    Args:
-        function: The function; it gets the environment's own observation.
-        doubt: The error it raised when it was taken for a function of an environment.
+    A doubt is the error that it raised when it was taken for a function of an environment.
     """
 
     def __init__(self, function: Callable[[Any], Any], doubt: str = "") -> None:

@@ -114,20 +114,12 @@ class RunPairs:
 
 
 class EpisodeSteps:
-    """The steps of an episode under way, from its reset on.
-
-    Args:
-        env: The environment of the episode.
-        observation: The observation at its reset, shape [d].
-
-    Attributes:
-        present: The present observation, shape [d].
-        is_over: Whether the task or a limit has ended it.
-    """
+    """The steps of an episode under way, from its reset on."""
 
     def __init__(self, env: GuardedEnv, observation: Floats) -> None:
         self._env = env
-        self.present, self.is_over = observation, False
+        self.present = observation  # [d]
+        self.is_over = False  # whether the task or a limit has ended it
         self._observations = [self.present]
         self._actions: list[int] = []
         self._rewards: list[float] = []

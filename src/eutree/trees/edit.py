@@ -10,11 +10,7 @@ from eutree.trees.tree import DecisionTree
 
 
 class TreeBuilder:
-    """A labelled tree that grows, parents first; leaves are numbered in the order they come in.
-
-    Args:
-        n_features: Number of features of an observation.
-    """
+    """A labelled tree that grows, parents first; leaves are numbered in the order they come in."""
 
     def __init__(self, n_features: int) -> None:
         self._n_features = n_features

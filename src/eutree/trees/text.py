@@ -23,10 +23,7 @@ from eutree.trees.tree import DecisionTree
 class Digits:
     """The digits of the numbers of each feature.
 
-    Args:
-        schema: The features, with their bounds.
-        trees: Whose thresholds are shown.
-        others: Further values that are shown, by the number of their feature.
+    Shown are the thresholds of trees, and further values, by the number of their feature.
     """
 
     def __init__(
