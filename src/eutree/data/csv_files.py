@@ -16,7 +16,6 @@ import re
 from array import array
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -144,9 +143,9 @@ def _renamed(found: list[str], own: Mapping[str, str], log: LogFormat) -> list[s
 class _EpisodeRows:
     """The rows of one episode so far, as numbers and not as text."""
 
-    observations: "array[float]" = field(default_factory=partial(array, "d"))
-    actions: "array[int]" = field(default_factory=partial(array, "q"))
-    rewards: "array[float]" = field(default_factory=partial(array, "d"))
+    observations: "array[float]" = field(default_factory=lambda: array("d"))
+    actions: "array[int]" = field(default_factory=lambda: array("q"))
+    rewards: "array[float]" = field(default_factory=lambda: array("d"))
     has_rewards: bool = True
     # Terminated and truncated after the last action but one, and after the last.
     ends: tuple[tuple[bool, bool], tuple[bool, bool]] = ((False, False), (False, False))

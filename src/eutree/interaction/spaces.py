@@ -292,7 +292,8 @@ def _entries(space: spaces.Space[Any], name: str) -> list[Feature]:
             f"{name} must have a flat Box, Discrete, MultiDiscrete or MultiBinary observation "
             f"space, got {space}: {_what_helps(space)}"
         )
-    ends = zip(*(bound.astype(np.float64).tolist() for bound in bounds), strict=True)
+    low, high = (bound.astype(np.float64).tolist() for bound in bounds)
+    ends = zip(low, high, strict=True)
     return [Feature(f"x{i}", "", *both, _is_whole(space)) for i, both in enumerate(ends)]
 
 
