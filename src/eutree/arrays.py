@@ -5,7 +5,8 @@ Letters used for shapes throughout: N transitions or rows, d features, A actions
 """
 
 import math
-from typing import Any, TypeVar
+from dataclasses import fields
+from typing import Any, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,6 +51,23 @@ def freeze(one: object, *names: str, dtype: Any = None) -> None:
     """Make arrays of a frozen dataclass read-only, and of this type if one is named."""
     for name in names:
         object.__setattr__(one, name, frozen(np.asarray(getattr(one, name), dtype=dtype)))
+
+
+class Frozen:
+    """A frozen dataclass whose arrays stay read-only in a copy and in another process.
+
+    Kernels are compiled again for arrays that differ in this. What was computed of its fields is
+    not copied.
+    """
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return its fields alone."""
+        return {one.name: getattr(self, one.name) for one in fields(cast(Any, self))}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Take them back."""
+        arrays = {k: frozen(v) for k, v in state.items() if isinstance(v, np.ndarray)}
+        vars(self).update(state | arrays)
 
 
 def plain(value: Any) -> Any:

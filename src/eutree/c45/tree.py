@@ -15,7 +15,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from eutree.arrays import Floats, Int32s, Integers, freeze, frozen, read_only
+from eutree.arrays import Floats, Frozen, Int32s, Integers, freeze, frozen, read_only
 from eutree.c45 import _kernels_pruning
 from eutree.c45._kernels import Nodes
 from eutree.errors import InvalidArgumentError
@@ -26,7 +26,7 @@ from eutree.trees.tree import depths
 
 
 @dataclass(frozen=True, eq=False)
-class C45Tree:
+class C45Tree(Frozen):
     """A C4.5 tree; see the module's docstring for the meaning of its arrays.
 
     Attributes:

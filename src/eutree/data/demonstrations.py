@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from eutree.arrays import Floats, Integers
+from eutree.arrays import Floats, Frozen, Integers
 from eutree.data.episode import CUT, TAUGHT, Episode, episodes_from_rows, schema_for
 from eutree.data.files import DemonstrationFolder, misfit, save_folder
 from eutree.data.log_format import LogFormat
@@ -21,7 +21,7 @@ from eutree.validation import check_finite, check_kind, data_frame
 
 
 @dataclass(frozen=True, eq=False)
-class Demonstrations(Displayed):
+class Demonstrations(Displayed, Frozen):
     """Episodes of one environment under one expert.
 
     Iterating, counting and the arrays ``observations`` and ``actions`` see the kept episodes;

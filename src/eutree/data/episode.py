@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from eutree.arrays import Booleans, Floats, Integers, freeze, frozen
+from eutree.arrays import Booleans, Floats, Frozen, Integers, freeze, frozen
 from eutree.display import counted
 from eutree.errors import InvalidArgumentError
 from eutree.features import FeatureMap
@@ -45,7 +45,7 @@ def allowed_in(episodes: "Iterable[Episode]") -> Booleans | None:
 
 
 @dataclass(frozen=True, eq=False)
-class Episode:
+class Episode(Frozen):
     """An episode from reset to end.
 
     Attributes:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from eutree.arrays import Booleans, Floats, Integers, freeze
+from eutree.arrays import Booleans, Floats, Frozen, Integers, freeze
 from eutree.schema import Schema
 from eutree.trees import DecisionTree
 from eutree.trees.boxes import leaf_boxes, left_of_group, meetings, possible, whole_bounds
@@ -20,7 +20,7 @@ _FLIPPED = {">": "<", ">=": "<="}
 
 
 @dataclass(frozen=True, eq=False)
-class Region:
+class Region(Frozen):
     """A box of observations.
 
     Attributes:

@@ -6,13 +6,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from eutree.arrays import Booleans, Floats, Integers, freeze
+from eutree.arrays import Booleans, Floats, Frozen, Integers, freeze
 from eutree.errors import InvalidArgumentError, shown
 from eutree.trees import DecisionTree
 
 
 @dataclass(frozen=True, eq=False)
-class LeafStatistics:
+class LeafStatistics(Frozen):
     """Visits, values and errors of each leaf when the policy was frozen.
 
     Attributes:

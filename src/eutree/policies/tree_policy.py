@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from eutree.arrays import Booleans, Floats, Integers, freeze, frozen
+from eutree.arrays import Booleans, Floats, Frozen, Integers, freeze, frozen
 from eutree.display import Displayed, counted
 from eutree.errors import InvalidArgumentError, blamed, shown
 from eutree.features import Derivation, FeatureMap
@@ -122,7 +122,7 @@ class Policy(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class TreePolicy(Displayed):
+class TreePolicy(Displayed, Frozen):
     """A decision tree whose leaves are actions.
 
     Attributes:

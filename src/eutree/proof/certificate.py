@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar
 import msgspec
 import numpy as np
 
-from eutree.arrays import Booleans, Floats, Integers, freeze
+from eutree.arrays import Booleans, Floats, Frozen, Integers, freeze
 from eutree.display import Displayed
 from eutree.errors import FormatError, InvalidArgumentError
 from eutree.files import Document, read_document, write_document
@@ -22,7 +22,7 @@ NEVER = 2**31 - 1  # number of steps after which nothing has happened
 
 
 @dataclass(frozen=True, eq=False)
-class Starts:
+class Starts(Frozen):
     """Boxes of states from which a property fails, or is not decided.
 
     Attributes:
@@ -62,7 +62,7 @@ class Pieces(Starts):
 
 
 @dataclass(frozen=True, eq=False)
-class Picture:
+class Picture(Frozen):
     """Cells of one number or of two.
 
     Attributes:

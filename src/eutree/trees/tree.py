@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from eutree.arrays import Floats, Int32s, Integers, freeze, frozen
+from eutree.arrays import Floats, Frozen, Int32s, Integers, freeze, frozen
 from eutree.errors import InvalidArgumentError
 from eutree.validation import check_integer, check_number
 
@@ -29,7 +29,7 @@ _ARRAYS = ("feature", "threshold", "left", "right", "leaf")
 
 
 @dataclass(frozen=True, eq=False)
-class DecisionTree:
+class DecisionTree(Frozen):
     """A binary tree; see the module's docstring for the meaning of its arrays.
 
     Attributes:
