@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
+from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -67,6 +68,22 @@ def check_function(name: str, value: _Value) -> _Value:
     if not callable(value):
         raise InvalidArgumentError(f"{name} must be a function, got {shown(value)}")
     return value
+
+
+def check_offered(kind: str, points: Iterable[EntryPoint]) -> Any:
+    """Return the object that entry points of one name offer, or raise InvalidArgumentError."""
+    offers = {point.value: point for point in points}
+    value, point = min(offers.items())
+    if len(offers) > 1:
+        several = ", ".join(sorted(offers))
+        raise InvalidArgumentError(f"{kind} {point.name!r} is offered by several: {several}")
+    try:
+        return point.load()
+    except (Exception, SystemExit) as error:  # whatever a package's author lets happen
+        where = "" if value == point.name else f", {value},"
+        raise InvalidArgumentError(
+            f"{kind} {point.name!r}{where} cannot be imported: {error}"
+        ) from error
 
 
 def check_listed(name: str, values: Iterable[_Value]) -> tuple[_Value, ...]:

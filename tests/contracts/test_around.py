@@ -74,6 +74,17 @@ def test_the_release_checklist_names_commands_that_exist():
         assert (ROOT / path).exists(), path
 
 
+def test_the_files_in_which_a_release_raises_the_version_hold_it() -> None:
+    text = (ROOT / "docs" / "releasing.md").read_text()
+    step = re.search(r"4\. The version, in (.*?)\(a test", text, re.DOTALL)
+    assert step
+    files = re.findall(r"`([\w./]+)`", step[1])
+    assert len(files) == 3
+    for file in files:
+        lines = (ROOT / file).read_text().splitlines()
+        assert [one for one in lines if "version" in one and PROJECT["version"] in one], file
+
+
 def test_the_tests_that_ci_names_are_there() -> None:
     """A file that is not there ends the run before its first test."""
     script = (ROOT / ".ci" / "run").read_text()

@@ -13,6 +13,7 @@ import click
 from eutree.cli._options import check_outputs
 from eutree.cli._output import kept_for_results, said_what_is_compiled
 from eutree.errors import EutreeError, InvalidArgumentError, UnknownNameError, described
+from eutree.validation import check_offered
 
 # Loaded when called, so that `eutree --help` imports only the modules that it needs.
 COMMANDS = {
@@ -100,19 +101,11 @@ def _added_command(name: str) -> click.Command:
     points = entry_points(group=GROUP, name=name)
     if not points:
         raise UnknownNameError("command", name, [*COMMANDS, *_added()])
-    first, *others = sorted({point.value for point in points})
-    if others:
-        raise InvalidArgumentError(
-            f"command {name!r} is offered by several: {', '.join((first, *others))}"
-        )
-    try:
-        command = points[name].load()
-    except (Exception, SystemExit) as error:  # any error of another package
-        raise InvalidArgumentError(
-            f"command {name!r}, {first}, cannot be imported: {error}"
-        ) from error
+    command = check_offered("command", points)
     if not isinstance(command, click.Command):
-        raise InvalidArgumentError(f"command {name!r}, {first}, must be a command of click")
+        raise InvalidArgumentError(
+            f"command {name!r}, {points[name].value}, must be a command of click"
+        )
     return command
 
 

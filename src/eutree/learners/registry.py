@@ -24,6 +24,7 @@ import msgspec
 from eutree.errors import EutreeError, FormatError, InvalidArgumentError, UnknownNameError, shown
 from eutree.learners.declared import State, taken
 from eutree.learners.learner import Learner, Method, Needs, Problem, Start, check_has_all
+from eutree.validation import check_offered
 
 _HOMES = MappingProxyType({
     "default": "eutree.learners.planning:DEFAULT",
@@ -47,14 +48,6 @@ class Presets(Mapping[str, Method]):
 
 
 PRESETS = Presets()
-
-
-def reads_the_paper(method: Method) -> bool:
-    """Return whether a method splits by the paper's stopping criterion, read literally.
-
-    The last tree of such a learner is the object of study, so nothing takes its place.
-    """
-    return bool(getattr(method, "reads_the_paper", False))
 
 
 GROUP = "eutree.methods"
@@ -251,12 +244,7 @@ def _kind(name: str) -> type[Method]:
     """Return the class of a method by its name or by ``module:Class``."""
     if ":" not in name:
         return _installed(name)
-    try:
-        return checked(EntryPoint(name, name, GROUP).load())
-    except EutreeError:
-        raise
-    except (Exception, SystemExit) as error:  # whatever a module's author lets happen
-        raise InvalidArgumentError(f"method {name!r} cannot be imported: {error}") from error
+    return checked(check_offered("method", [EntryPoint(name, name, GROUP)]))
 
 
 def _installed(name: str) -> type[Method]:
@@ -272,20 +260,14 @@ def _loaded(name: str, found: list[EntryPoint]) -> type[Method]:
     Raises:
         InvalidArgumentError: There are several, or the one is no such method.
     """
-    values = sorted({point.value for point in found})
-    if len(values) > 1:
-        raise InvalidArgumentError(f"method {name!r} is offered by several: {', '.join(values)}")
+    offered, value = check_offered("method", found), found[0].value
     try:
-        kind = checked(found[0].load())
+        kind = checked(offered)
     except EutreeError as error:
-        raise InvalidArgumentError(f"method {name!r}, {values[0]}: {error}") from None
-    except (Exception, SystemExit) as error:  # whatever a package's author lets happen
-        raise InvalidArgumentError(
-            f"method {name!r}, {values[0]}, cannot be imported: {error}"
-        ) from error
+        raise InvalidArgumentError(f"method {name!r}, {value}: {error}") from None
     if kind.name != name:
         raise InvalidArgumentError(
-            f"method {name!r}, {values[0]}, must have that name itself, got {kind.name!r}"
+            f"method {name!r}, {value}, must have that name itself, got {kind.name!r}"
         )
     return kind
 
@@ -332,13 +314,7 @@ def restored(
 
 # What msgspec says: Expected `float | null`, got `str` - at `$.planner.improvement.price`
 _MISTAKEN = re.compile(r"Expected `(?P<kinds>[^`]*)`, got `\w+` - at `\$\.(?P<path>[\w.]+)`")
-_KINDS = {
-    "float": "a number",
-    "int": "a whole number",
-    "bool": "true or false",
-    "str": "a word",
-    "null": "null",
-}
+_KINDS = {"float": "a number", "int": "a whole number", "bool": "true or false", "str": "a word"}
 _ATTRIBUTE = re.compile(r"^    (\w+): ", re.MULTILINE)
 
 
