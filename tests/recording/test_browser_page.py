@@ -576,6 +576,25 @@ def test_what_is_missing_is_said_and_begun_with(chromium, tmp_path) -> None:
     assert Demonstrations.load(tmp_path / "demos").episodes[-1].seed == 4711
 
 
+@pytest.mark.parametrize(("key", "said"), [("ArrowRight", "Succeeded"), ("ArrowLeft", "Failed")])
+def test_whether_it_succeeded_is_said_where_the_end_has_no_name(
+    chromium, tmp_path, key, said
+) -> None:
+    with serving(tmp_path, Cliff()) as served:
+        person = Person(chromium, served).until(state="opening")
+        person.tap("Enter").until(state="playing").down(key).until(state="review").up(key)
+        assert person.page.locator("#title").inner_text() == said
+
+
+class Cliff(Corridor):
+    """A corridor with an end to the left, too, where one falls."""
+
+    def step(self, action):
+        falls = self.place + action < 1
+        observation, reward, there, late, info = super().step(action)
+        return observation, reward, there or falls, late, info
+
+
 @pytest.mark.parametrize("touch", [False, True])
 def test_a_person_takes_over_from_the_tree_and_hands_back(chromium, tmp_path, touch) -> None:
     env = evasion()

@@ -644,7 +644,7 @@ function recordingCard() {
 function watchingCard() {
   const { number, of, note, is_over, is_paused, why } = view.driving;
   const place = `${number} of ${of}, worst first; ${note}.`;
-  if (is_over) return [`${sentence({ result: view.driving.ending, kept: true })}`, why || "Nothing went wrong.", place];
+  if (is_over) return [sentence({ ...view.driving, result: view.driving.ending, kept: true }), why || "Nothing went wrong.", place];
   return [is_paused ? "Paused" : "Your tree drives", is_paused ? "It waits for you." : "Its way through the tree is marked.", place];
 }
 
@@ -652,7 +652,7 @@ function drivingCard() {
   const { is_over, is_paused, ending, n_by_hand, number } = view.driving;
   const acted = n_by_hand ? `You acted in ${n_by_hand} of ${view.step} steps; the rest you let pass.`
     : "You let all of it pass: that counts as approval.";
-  if (is_over) return [sentence({ result: ending, kept: true }), `${acted} The tree is fitted again and drives on.`, ""];
+  if (is_over) return [sentence({ ...view.driving, result: ending, kept: true }), `${acted} The tree is fitted again and drives on.`, ""];
   const idle = view.actions.find((a) => a.is_idle);
   const waits = idle && !fingers && keyFor("wait") ? ` ${GLYPHS[keyFor("wait")] || keyFor("wait")}: ${idle.name}.` : "";
   const how = fingers ? "Hold a button below to act, let go to hand back."
@@ -930,9 +930,10 @@ async function copyText(code, text, button) {
 }
 
 function sentence(episode) {
+  const ended = { true: "Succeeded", false: "Failed" }[episode.success] || "The episode is over";
   const known = {
     goal: "Goal reached", collision: "Collision", "time limit": "Time is over", stopped: "Stopped by you",
-    terminated: "The episode is over", truncated: "Time is over", interrupted: "Interrupted",
+    terminated: ended, truncated: "Time is over", interrupted: "Interrupted",
   };
   const text = known[episode.result] || episode.result.charAt(0).toUpperCase() + episode.result.slice(1);
   return episode.kept ? text : `${text} — ${episode.comment || "discarded"}`;
