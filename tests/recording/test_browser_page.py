@@ -621,6 +621,9 @@ def test_a_person_takes_over_from_the_tree_and_hands_back(chromium, tmp_path, to
         assert "no key" in idle.inner_text()
         assert "driven by the tree" in person.page.locator("#episodes").inner_text()
         assert person.data("saved") == "0"
+        person.tap("Escape").until(state="finished")
+        assert person.page.locator("#title").inner_text() == "1 saved"
+        assert "Everything is stored." in person.page.locator("#text").inner_text()
         assert person.messages == []
     (episode,) = (e for e in Demonstrations.load(tmp_path / "demos").episodes if e.kept)
     assert 0 < episode.by_hand.sum() < len(episode)

@@ -614,7 +614,8 @@ function keySentence() {
 function recordingCard() {
   const last = (view.episodes || []).at(-1);
   const enough = view.saved >= view.target;
-  const so_far = `${view.saved} of ${view.target} saved`;
+  const kept = (view.episodes || []).filter((one) => one.kept).length; // those that a tree drove, too
+  const so_far = view.saved || !kept ? `${view.saved} of ${view.target} saved` : `${kept} saved`;
   if (asksToLeave()) {
     return ["Finish without your tree?", "It is still being made, and would be given up. What you recorded is stored.", ""];
   }
@@ -636,7 +637,7 @@ function recordingCard() {
     [last && last.kept && mark(last) === BAD ? `It counts: failures may stay.${allowed("discard") ? " Discard it if your hand slipped." : ""}` : "",
       enough ? "" : view.missing].filter(Boolean).join(" ")],
     finished: () => [enough ? `${view.saved} of ${view.target} done` : so_far,
-      view.saved ? "Everything is stored. You can close this page." : "Nothing was recorded. You can close this page.", ""],
+      kept ? "Everything is stored. You can close this page." : "Nothing was recorded. You can close this page.", ""],
     failed: () => ["The recording has ended", `${view.message} — what was recorded before is stored.`, ""],
   }[view.state]?.() || ["Connecting …", "", ""];
 }
