@@ -61,7 +61,8 @@ def test_the_page_says_how_the_policy_did_at_the_end(folder):
     with (folder / "events.jsonl").open("a") as log:
         log.writelines(json.dumps(one) + "\n" for one in (early, last))
     sentence = "At the end 98 % success, mean return 80.02 with 9 leaves."
-    assert report_of_run(folder).notes[0] == sentence
+    counted = f"Seed {CONFIG['seed']}, 900 steps of learning and racing."
+    assert report_of_run(folder).notes[:2] == [sentence, counted]
     with (folder / "events.jsonl").open("a") as log:
         log.write(json.dumps({**last, "success_rate": None}) + "\n")
     page = run_page(report_of_run(folder))
