@@ -81,6 +81,8 @@ def test_an_unknown_tree_names_the_nearest() -> None:
     for name in (None, 3):
         with pytest.raises(InvalidArgumentError, match=f"tree of the zoo, got {name}"):
             zoo.load(name)  # type: ignore[arg-type]
+        with pytest.raises(InvalidArgumentError, match=f"settings of the zoo, got {name}"):
+            zoo.settings_of(name)  # type: ignore[arg-type]
 
 
 def test_a_task_of_the_examples_names_the_module_that_registers_it(

@@ -58,10 +58,8 @@ def _report(path: Path, config: Event, events: Sequence[Event]) -> RunReport:
     judged = _last(events, "judgement")
     taught = [event for event in events if event.get("stage") == "teacher"]
     steps = max((int(event["steps"]) for event in events), default=0)
-    notes = [
-        *_last_evaluation(events),
-        f"Seed {config['seed']}, {steps:,} steps of learning and racing.",
-    ]
+    counted = f"Seed {config['seed']}, {steps:,} steps of learning and racing."
+    notes = [*_last_evaluation(events), counted]
     trees = {
         caption: TreePolicy.load(path / name)
         for caption, name in (("The policy", "policy.json"), ("Its start", "expert.json"))

@@ -9,7 +9,6 @@ True
 """
 
 import json
-import re
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -131,10 +130,13 @@ def settings_of(task: str) -> Path:
 
     Raises:
         UnknownNameError: There is none of this task.
+        InvalidArgumentError: The task is no text.
     """
-    names = {file.stem: file for file in (_HOME / "settings").glob("*.toml")}
+    if not isinstance(task, str):
+        raise InvalidArgumentError(f"task must be that of settings of the zoo, got {shown(task)}")
+    found = (_HOME / "settings").glob("*.toml")
     # The name of a file has "-" where the id of eutree's own task has "/".
-    files = {re.sub("^eutree-", "eutree/", stem): file for stem, file in names.items()}
+    files = {file.stem.replace("eutree-", "eutree/"): file for file in found}
     name = task.removeprefix(PREFIX)
     if name not in files:
         raise UnknownNameError("task with settings", name, files)
