@@ -8,7 +8,7 @@ import pytest
 from eutree.policy_search.improvement import Improvement
 from eutree.policy_search.planner import Planned, Planner
 from eutree.world_model import Transitions, leaf_node
-from eutree.world_model.action_trees import single_action
+from eutree.world_model.action_trees import packed
 from eutree.world_model.rollouts import Gain
 
 
@@ -32,7 +32,7 @@ def known():
 
 def test_a_challenger_is_found_in_model_trees():
     planner = Planner(n_steps=4_000, improvement=Improvement(deviations=1000))
-    plan = planner.plan(Planned(single_action(0)), known(), np.random.default_rng(1))
+    plan = planner.plan(Planned(packed(0)), known(), np.random.default_rng(1))
     assert plan.challenger is not None
     assert plan.model_steps > 0
     for place, action in ((0.2, 0), (0.8, 1)):
@@ -71,8 +71,8 @@ def test_a_trial_of_long_episodes_is_over_after_fewer(length, deserves):
     returns = np.append(np.tile([1.0, 3.0], 5), np.tile([1.1, 3.1], 5))
     data = SimpleNamespace(episode_returns=returns, episode_lengths=np.full(20, length))
     plan = Planned(
-        single_action(0),
-        challenger=single_action(1),
+        packed(0),
+        challenger=packed(1),
         incumbent_episodes=tuple(range(10)),
         challenger_episodes=tuple(range(10, 20)),
     )

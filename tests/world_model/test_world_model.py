@@ -24,11 +24,11 @@ from eutree.world_model.action_trees import (
     n_leaves,
     nested,
     packed,
-    single_action,
     to_decision_tree,
     with_box,
     with_child,
 )
+from eutree.world_model.dynamics import moved_to_better
 from eutree.world_model.rollouts import PairedRollouts
 from tests import naive_world_model
 from tests.world_model.walks import GO, STAY, mean_return, model_of, rollouts_of, walks
@@ -141,10 +141,9 @@ def test_a_linear_leaf_needs_no_split():
 
 def test_the_gap_between_safe_and_fatal_goes_to_the_side_that_is_asked():
     x, outcome = np.array([0.0, 1.0, 2.0, 3.0]), np.array([0.0, 0.0, 1.0, 1.0])
-    rows = np.arange(4)
-    assert regression.move_towards_better(x, outcome, rows, 1.5, 0.9) == pytest.approx(1.1)
-    assert regression.move_towards_better(x, outcome, rows, 1.5, 0.1) == pytest.approx(1.9)
-    assert regression.move_towards_better(x, -outcome, rows, 1.5, 0.9) == pytest.approx(1.9)
+    assert moved_to_better(x, outcome, 1.5, 0.9) == pytest.approx(1.1)
+    assert moved_to_better(x, outcome, 1.5, 0.1) == pytest.approx(1.9)
+    assert moved_to_better(x, -outcome, 1.5, 0.9) == pytest.approx(1.9)
 
 
 def test_transitions_know_their_episodes():
@@ -165,8 +164,8 @@ def test_transitions_know_their_episodes():
 
 def test_what_is_imagined_is_what_happens():
     rollouts = rollouts_of(walks(800, 3), n_episodes=2000)
-    rollouts.run(single_action(GO))
-    happens = mean_return(single_action(GO), n_episodes=2000)
+    rollouts.run(packed(GO))
+    happens = mean_return(packed(GO), n_episodes=2000)
     assert rollouts.mean_return == pytest.approx(happens, abs=10)
 
 
@@ -207,7 +206,7 @@ def test_no_more_memory_is_written_to_than_there_are_steps():
     """Room for the longest episodes costs nothing until something is written there."""
     model = replace(model_of(walks(200, 8)), horizon=1000)
     rollouts = PairedRollouts(model, 40, 1.0, np.random.default_rng(0))
-    for tree in (single_action(GO), packed((0, 3.0, GO, (0, 3.5, STAY, GO)))):
+    for tree in (packed(GO), packed((0, 3.0, GO, (0, 3.5, STAY, GO)))):
         rollouts.run(tree)
         n = rollouts.n_steps
         assert 2 * n < len(rollouts._trace.states) == len(rollouts._episodes.states)
@@ -288,7 +287,7 @@ def test_a_comparison_side_by_side_is_the_plain_one_to_the_bit(hopeless, discoun
     """The sums, where it is given up, and the steps that were taken until then."""
     rollouts = discounted(100, discount)
     challenger = (0, 3.0, (1, 0.2, STAY, GO), (0, 6.0, GO, STAY))
-    rollouts.run(single_action(GO))
+    rollouts.run(packed(GO))
     rollouts._compare(packed(challenger))
     departs, episodes = rollouts._departs, rollouts._episodes
     before = rollouts.n_steps_taken
@@ -379,7 +378,7 @@ def test_the_values_at_a_node_are_those_of_the_steps_that_pass_it():
 
 def test_a_gain_is_the_difference_of_two_rehearsals_with_the_same_luck():
     rollouts = rollouts_of(walks(100, 4))
-    one, other = single_action(GO), packed((0, 3.0, (1, 0.2, STAY, GO), GO))
+    one, other = packed(GO), packed((0, 3.0, (1, 0.2, STAY, GO), GO))
     rollouts.run(one)
     gain = rollouts.gain(other)
     first = rollouts.mean_return
@@ -390,13 +389,13 @@ def test_a_gain_is_the_difference_of_two_rehearsals_with_the_same_luck():
 
 def test_a_hopeless_challenger_is_given_up_early():
     rollouts = rollouts_of(walks(100, 4))
-    rollouts.run(single_action(GO))
-    assert not rollouts.gain(single_action(STAY), hopeless=0.0).complete
+    rollouts.run(packed(GO))
+    assert not rollouts.gain(packed(STAY), hopeless=0.0).complete
 
 
 def test_a_deviation_is_the_gain_of_acting_otherwise_once():
     rollouts = rollouts_of(walks(100, 5))
-    rollouts.run(single_action(GO))
+    rollouts.run(packed(GO))
     steps = np.arange(0, rollouts.n_steps, 7)
     gains = rollouts.deviations(steps)
     assert (gains[:, GO] == 0).all()
@@ -409,8 +408,8 @@ def test_a_deviation_is_the_gain_of_acting_otherwise_once():
 def test_improvement_finds_when_to_wait():
     rollouts = rollouts_of(walks(300, 6))
     improvement = Improvement(rounds=2)
-    tree = improvement.improve(rollouts, single_action(GO), 100.0)
-    assert mean_return(tree) > 95 > 40 > mean_return(single_action(GO))
+    tree = improvement.improve(rollouts, packed(GO), 100.0)
+    assert mean_return(tree) > 95 > 40 > mean_return(packed(GO))
     assert n_leaves(tree) <= 5
 
 
@@ -437,7 +436,7 @@ def test_one_action_is_left_where_any_single_delay_would_pay():
         shown = eutree.record(env, Hasty(generator), episodes=80, seed=seed)
         (model,) = fit_world_models(Transitions.of(shown.episodes, 2), (0.99,))
         rollouts = PairedRollouts(model, 1000, 1.0, generator)
-        tree = Improvement().improve(rollouts, single_action(GO), 100.0, begin=True)
+        tree = Improvement().improve(rollouts, packed(GO), 100.0, begin=True)
         assert n_leaves(tree) > 1
         earned.append(rollouts.mean_return)
     assert np.mean(earned) > 40.0
@@ -456,7 +455,7 @@ def planned(plan, data, seed=0, **choices):
 
 
 def test_a_challenger_is_not_the_incumbent_before_it_was_evaluated():
-    plan = planned(Planned(single_action(GO), incumbent_episodes=tuple(range(200))), walks(200, 7))
+    plan = planned(Planned(packed(GO), incumbent_episodes=tuple(range(200))), walks(200, 7))
     assert nested(plan.incumbent) == GO
     assert plan.challenger is not None
     assert mean_return(plan.challenger) > 80
@@ -465,7 +464,7 @@ def test_a_challenger_is_not_the_incumbent_before_it_was_evaluated():
 @pytest.mark.parametrize("good", [True, False])
 def test_a_challenger_is_adopted_if_its_evaluation_went_well(good):
     data = walks(200, 7)
-    plan = planned(Planned(single_action(GO), incumbent_episodes=tuple(range(200))), data)
+    plan = planned(Planned(packed(GO), incumbent_episodes=tuple(range(200))), data)
     ends_well = data.rewards[data.last] == 100.0
     episodes = np.flatnonzero(ends_well if good else ~ends_well)[:25]
     plan = replace(plan, challenger_episodes=tuple(episodes.tolist()))
@@ -483,8 +482,8 @@ class Unimproved(Improvement):
 def test_the_explorer_is_one_more_start_of_the_challenger():
     """Single changes of the incumbent may never get to where the explorer is."""
     data = walks(200, 7)
-    good = planned(Planned(single_action(STAY)), data).challenger
-    plan = Planned(single_action(STAY), explorer=good)
+    good = planned(Planned(packed(STAY)), data).challenger
+    plan = Planned(packed(STAY), explorer=good)
     after = Planner(improvement=Unimproved()).plan(plan, data, np.random.default_rng(0))
     assert nested(after.challenger) == nested(good)
 
@@ -492,7 +491,7 @@ def test_the_explorer_is_one_more_start_of_the_challenger():
 @pytest.mark.parametrize("good", [True, False])
 def test_an_untested_policy_is_compared_with_chance(good):
     data = walks(200, 7)
-    plan = planned(Planned(single_action(STAY)), data)
+    plan = planned(Planned(packed(STAY)), data)
     ends_well = data.rewards[data.last] == 100.0
     episodes = np.flatnonzero(ends_well if good else ~ends_well)[:25]
     plan = replace(plan, challenger_episodes=tuple(episodes.tolist()))
@@ -513,7 +512,7 @@ def test_demonstrations_of_another_world_are_forgotten(changed):
         2,
     )
     after = planned(
-        Planned(single_action(GO), incumbent_episodes=tuple(range(35)), demonstrations=15), data
+        Planned(packed(GO), incumbent_episodes=tuple(range(35)), demonstrations=15), data
     )
     assert after.valid_from == (15 if changed else 0)
     assert len(after.incumbent_episodes) == (20 if changed else 35)
@@ -538,7 +537,7 @@ def test_the_explorer_runs_fewer_rollouts(monkeypatch):
             super().__init__(model, n_episodes, discount, generator)
 
     monkeypatch.setattr("eutree.policy_search.planner.PairedRollouts", Counting)
-    plan, data = Planned(single_action(GO)), walks(30, 4)
+    plan, data = Planned(packed(GO)), walks(30, 4)
     for choices in ({"n_episodes": 60, "n_explorer_episodes": 20}, {"n_episodes": 60}):
         Planner(**choices).plan(plan, data, np.random.default_rng(0))
     assert asked == [60, 20, 60, 60]
@@ -546,7 +545,7 @@ def test_the_explorer_runs_fewer_rollouts(monkeypatch):
 
 def test_planning_waits_until_the_history_has_grown():
     imagination = Planner(growth=1.5)
-    plan = Planned(single_action(GO), planned_at=100)
+    plan = Planned(packed(GO), planned_at=100)
     assert not imagination.due(plan, 150)
     assert imagination.due(plan, 151)
 
@@ -566,12 +565,12 @@ def test_bad_choices_are_refused(kind, choice):
 
 TWIN = """
 import numpy as np
-from eutree.world_model.action_trees import nested, single_action
+from eutree.world_model.action_trees import nested, packed
 from eutree.policy_search.improvement import Improvement
 from tests.world_model.walks import rollouts_of, walks
 
 rollouts = rollouts_of(walks(25, 6), n_episodes=16)
-tree = Improvement(deviations=60).improve(rollouts, single_action(1), 100.0)
+tree = Improvement(deviations=60).improve(rollouts, packed(1), 100.0)
 print(nested(tree), rollouts.mean_return)
 """
 

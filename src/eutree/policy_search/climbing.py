@@ -33,11 +33,7 @@ def climbed(
 ) -> ActionTree:
     """Return a policy after many random changes, of which those stay that pay.
 
-    Args:
-        rollouts: Where to run rollouts.
-        policy: The policy to start from.
-        variation: Makes the changes.
-        price: Return that a leaf must earn.
+    ``price`` is the return that a leaf must earn.
     """
     for _ in range(DRAWN):
         rollouts.redraw()
@@ -53,7 +49,7 @@ def annealed(
 ) -> ActionTree:
     """Return the best of the policies that annealing comes by; few rollouts are enough.
 
-    Arguments are those of ``climbed``; ``scale`` is a typical size of returns.
+    ``price`` is that of ``climbed``, and ``scale`` a typical size of returns.
     """
     rollouts.redraw()
     rollouts.run(policy)
@@ -84,9 +80,7 @@ def _try(rollouts: Rollouts, variation: Variation, price: float, temperature: fl
 def restarts(data: Transitions, *, max_leaves: int) -> Iterator[ActionTree]:
     """Yield a tree of all episodes that earned more than average, of the best, of the old, the new.
 
-    Args:
-        data: The stored transitions.
-        max_leaves: Most leaves of a tree; it is grown from larger leaves until it has no more.
+    Each is grown from larger and larger leaves until it has no more than ``max_leaves``.
     """
     returns = data.episode_returns
     good = np.flatnonzero(returns > returns.mean())

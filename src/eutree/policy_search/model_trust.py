@@ -15,19 +15,12 @@ NORMAL_95 = 1.959963984540054
 
 @dataclass(frozen=True)
 class RankCorrelation:
-    """Spearman's rank correlation and its 95 % interval.
+    """Spearman's rank correlation and its 95 % interval."""
 
-    Attributes:
-        n: Number of pairs, such as trees.
-        value: The correlation; NaN for fewer than three, or if all are alike.
-        low: Lower end of the interval; -1 where nothing is known.
-        high: Upper end; 1 where nothing is known.
-    """
-
-    n: int
-    value: float
-    low: float
-    high: float
+    n: int  # number of pairs, such as trees
+    value: float  # the correlation; NaN for fewer than three, or if all are alike
+    low: float  # lower end of the interval; -1 where nothing is known
+    high: float  # upper end; 1 where nothing is known
 
     @property
     def better_than_chance(self) -> bool:

@@ -28,35 +28,19 @@ _CLEARLY = 3.0  # standard errors
 
 @dataclass(frozen=True, eq=False)
 class Planned:
-    """The trees by which a planning learner acts.
+    """The trees by which a planning learner acts."""
 
-    Attributes:
-        incumbent: The policy.
-        challenger: The tree evaluated online to replace it; None while there is none better.
-        explorer: The tree that acts to find out; None before the first planning.
-        incumbent_episodes: Episodes in which the incumbent acted without exploration.
-        challenger_episodes: Episodes in which challengers did, since the last adoption.
-        corrected: The incumbent with the corrective demonstrations since the last planning, a tree
-            to begin from; None if there were none.
-        explorer_episodes: The latest episodes in which explorers acted.
-        planned_at: Number of transitions seen at the last planning.
-        demonstrations: How many of the first episodes are demonstrations that still count.
-        valid_from: First episode that world models are fitted to; the dynamics have changed since
-            those before.
-        model_steps: Steps taken in world models by the last planning.
-    """
-
-    incumbent: ActionTree
-    challenger: ActionTree | None = None
-    explorer: ActionTree | None = None
-    corrected: ActionTree | None = None
-    incumbent_episodes: tuple[int, ...] = ()
-    challenger_episodes: tuple[int, ...] = ()
-    explorer_episodes: tuple[int, ...] = ()
-    planned_at: int = 0
-    demonstrations: int = 0
-    valid_from: int = 0
-    model_steps: int = 0
+    incumbent: ActionTree  # the policy
+    challenger: ActionTree | None = None  # evaluated online to replace it, while one is better
+    explorer: ActionTree | None = None  # acts to find out; None before the first planning
+    corrected: ActionTree | None = None  # from the demonstrations, for the next planning to begin
+    incumbent_episodes: tuple[int, ...] = ()  # in which it acted without exploration
+    challenger_episodes: tuple[int, ...] = ()  # in which challengers did, since the last adoption
+    explorer_episodes: tuple[int, ...] = ()  # the latest in which explorers acted
+    planned_at: int = 0  # transitions seen at the last planning
+    demonstrations: int = 0  # how many of the first episodes are demonstrations that still count
+    valid_from: int = 0  # first episode of world models: since those before the dynamics changed
+    model_steps: int = 0  # taken in world models by the last planning
 
     @property
     def evaluated(self) -> ActionTree:
@@ -171,7 +155,8 @@ class Planner:
         """Return the next plan: adopt the challenger or not, then plan both trees."""
         plan = self._without_invalid(plan, data, generator)
         known = data.since(plan.valid_from).recent(self.max_transitions)
-        pessimistic, optimistic = self._rollouts(known, generator)
+        levels, most = (self.pessimism, self.optimism), (self.n_episodes, self.n_explorer_episodes)
+        pessimistic, optimistic = self._rollouts(known, levels, most, generator)
         scale = known.typical_return
         if plan.challenger is not None and self._deserves(plan, plan.challenger, data, pessimistic):
             own = plan.challenger_episodes[-self.memory :]
@@ -219,21 +204,21 @@ class Planner:
     ) -> PairedRollouts:
         """Return where trees can be compared in the world as it is known, without hope."""
         known = data.since(plan.valid_from).recent(self.max_transitions)
-        (model,) = fit_world_models(known, (self.pessimism,))
-        n_episodes = min(n_episodes, self._affordable(known))
-        return PairedRollouts(model, n_episodes, self.discount, generator)
+        return self._rollouts(known, (self.pessimism,), (n_episodes,), generator)[0]
 
     def _rollouts(
-        self, known: Transitions, generator: np.random.Generator
-    ) -> tuple[Rollouts, Rollouts]:
-        """Return where the challenger and where the explorer is planned."""
-        n_episodes = self._affordable(known)
-        n_explorer_episodes = min(n_episodes, self.n_explorer_episodes)
-        pessimist, optimist = fit_world_models(known, (self.pessimism, self.optimism))
-        return (
-            PairedRollouts(pessimist, n_episodes, self.discount, generator),
-            PairedRollouts(optimist, n_explorer_episodes, self.discount, generator),
-        )
+        self,
+        known: Transitions,
+        levels: tuple[float, ...],
+        most: tuple[int, ...],
+        generator: np.random.Generator,
+    ) -> list[PairedRollouts]:
+        """Return where trees are planned: for each level of pessimism, at most so many episodes."""
+        affordable = self._affordable(known)
+        return [
+            PairedRollouts(model, min(affordable, n), self.discount, generator)
+            for model, n in zip(fit_world_models(known, levels), most, strict=True)
+        ]
 
     def _affordable(self, data: Transitions) -> int:
         """Return how many rollouts to make, were they as long as the stored ones."""
@@ -271,7 +256,8 @@ class Planner:
     def _against_incumbent(self, plan: Planned, tried: tuple[int, ...], returns: Floats) -> Table:
         """Return the returns of the incumbent's episodes and of others, a row each."""
         recent = self._evidence(plan)[-3 * self.memory :]
-        known = recent or _others(plan, returns.size)
+        # Where the incumbent has no episodes, those of no challenger are evidence on it.
+        known = recent or sorted(set(range(returns.size)) - set(plan.challenger_episodes))
         table = new_table(2, max(len(tried), len(known)))
         table[0, : len(known)] = returns[list(known)]
         table[1, : len(tried)] = returns[list(tried)]
@@ -304,8 +290,3 @@ class Planner:
 def _knows_nothing(plan: Planned) -> bool:
     """Return whether the policy is a single action still, and nobody has shown another."""
     return n_leaves(plan.incumbent) == 1 and not plan.demonstrations
-
-
-def _others(plan: Planned, n_episodes: int) -> tuple[int, ...]:
-    """Return the episodes of no challenger: evidence where the incumbent has no episodes."""
-    return tuple(sorted(set(range(n_episodes)) - set(plan.challenger_episodes)))

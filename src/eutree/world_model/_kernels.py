@@ -161,25 +161,6 @@ def chance(lines: Floats, noise: Integers, row: int, states: Floats, k: int, dra
     return 1.0 / (1.0 + math.exp(min(-odds, 40.0)))  # no overflow
 
 
-@compiled
-def assign_starts(
-    starts: Floats,  # [S, d]
-    out: Episodes,
-) -> None:
-    """Write episodes of one step each: the starts in turn."""
-    d = starts.shape[1]
-    for e in range(out.returns.size):
-        for i in range(d):
-            out.states[e, i] = starts[e % starts.shape[0], i]
-            # Nothing has led to a first observation.
-            out.states[e, d + i] = 0.0
-        out.earned[e] = 0.0
-        out.node[e] = 0
-        out.owner[e] = e
-        out.first[e] = e
-    out.first[out.returns.size] = out.returns.size
-
-
 # Apart from ``_kernels.py`` because they run nothing: they look at trees and at recorded steps.
 
 

@@ -10,22 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from eutree.arrays import Booleans, Floats, Int32s, Integers
+from eutree.arrays import Booleans, Floats, Integers
 from eutree.compiled import compiled, compiled_later
+from eutree.trees import TreeNodes, descend
 from eutree.world_model._kernels import World, chance, fitted, model_leaf, overwrite
 from eutree.world_model._kernels_regression import TINY, solve_positive
-
-
-class Boxes(NamedTuple):
-    """A partition of a finite box: a tree's arrays, and the box."""
-
-    feature: Int32s  # [M] below 0 at a leaf
-    threshold: Floats  # [M]
-    left: Int32s  # [M]
-    right: Int32s  # [M]
-    leaf: Int32s  # [M]
-    low: Floats  # [d]
-    high: Floats  # [d]
 
 
 class Held(NamedTuple):
@@ -35,7 +24,7 @@ class Held(NamedTuple):
     places: Floats  # [N, d] where it starts; then where it ended
     weights: Floats  # [N] discount^tau times the chance to go on
     rewards: Floats  # [N] discounted sum of the expected rewards
-    entered: Integers  # [N] the box it ended in
+    entered: Integers  # [N] the leaf it ended in
 
 
 @compiled
@@ -69,8 +58,16 @@ def expected_step(world: World, action: int, states: Floats, move: Floats) -> tu
 
 
 @compiled
-def hold(world: World, boxes: Boxes, discount: float, longest: int, out: Held) -> None:
-    """Hold each action until the trajectory leaves the box it first entered."""
+def hold(
+    world: World,
+    nodes: TreeNodes,
+    low: Floats,  # [d]
+    high: Floats,  # [d]
+    discount: float,
+    longest: int,
+    out: Held,
+) -> None:
+    """Hold each action until the trajectory leaves the leaf it first entered."""
     actions, places, weight, reward, entered = out
     d = places.shape[1]
     states, move = np.zeros((1, 2 * d)), np.zeros(d)
@@ -84,16 +81,12 @@ def hold(world: World, boxes: Boxes, discount: float, longest: int, out: Held) -
             earned, goes_on = expected_step(world, actions[n], states, move)
             reward[n] += weight[n] * earned
             weight[n] *= discount * goes_on
-            node = 0
-            # The box is finite, a model need not stay in it; the nearest place inside stands for
+            # The whole is finite, a model need not stay in it; the nearest place inside stands for
             # it.
             for i in range(d):
-                state[i] = min(max(state[i], boxes.low[i]), boxes.high[i])
-            while boxes.feature[node] >= 0:
-                below = state[boxes.feature[node]] <= boxes.threshold[node]
-                node = boxes.left[node] if below else boxes.right[node]
-            entered[n] = boxes.leaf[node]
-            # A start may lie at the edge of its box: the box of the first step is the one to be
+                state[i] = min(max(state[i], low[i]), high[i])
+            entered[n] = descend(nodes, state, 0)
+            # A start may lie at the edge of its leaf: the leaf of the first step is the one to be
             # left.
             if first < 0:
                 first = entered[n]

@@ -339,7 +339,7 @@ def go_on(
     """
     world, draws, horizon = conditions
     d, e = world.scales.move.size, episodes.owner[k]
-    state, total = episodes.states[k].copy(), episodes.earned[k]
+    state, total = episodes.states[k].copy(), float(episodes.earned[k])
     for t in range(k - episodes.first[e], horizon):
         if action < 0:
             action = policy.action[leaf_node(policy, 0, state)]

@@ -82,20 +82,12 @@ def laid_out(policy: ActionTree) -> PolicyTable:
 @compiled
 def empty_lanes(d: int) -> Lanes:
     """Return lanes in which nothing is under way: actions and states that lead somewhere."""
+    nodes, none = np.zeros((d + 5, LANES), dtype=np.uint32), np.zeros((7, LANES), dtype=np.int64)
     return Lanes(
-        np.zeros((LANES, 2 * d)),
-        np.zeros((LANES, d)),
-        np.zeros((d + 5, LANES), dtype=np.uint32),
-        np.zeros(LANES, dtype=np.int64),
-        np.zeros(LANES, dtype=np.int64),
-        np.zeros(LANES, dtype=np.int64),
-        np.zeros(LANES, dtype=np.int64),
-        np.zeros(LANES, dtype=np.int64),
-        np.zeros(LANES, dtype=np.int64),
-        np.zeros(LANES, dtype=np.int64),
-        np.zeros(LANES),
-        np.zeros(LANES),
-    )
+        np.zeros((LANES, 2 * d)), np.zeros((LANES, d)), nodes,
+        none[0], none[1], none[2], none[3], none[4], none[5], none[6],
+        np.zeros(LANES), np.zeros(LANES),
+    )  # fmt: skip
 
 
 @inlined

@@ -32,18 +32,35 @@ class Design(NamedTuple):
     bins: Int16s  # [p, N] small, because they are read in random order
 
 
-class ModelNodes(NamedTuple):
-    """The nodes of a model tree."""
+class ModelTree(NamedTuple):
+    """A regression tree with a line at each leaf; feature -1 marks a leaf, node 0 is the root.
 
-    feature: Integers  # [M] -1 at a leaf
+    It looks at an observation, a displacement and the action, one column for each action.
+    """
+
+    feature: Integers  # [M]
     threshold: Floats  # [M]
     left: Integers  # [M]
     right: Integers  # [M]
-    coefficients: Floats  # [M, p + 1], the last is the constant
+    coefficients: Floats  # [M, 2 d + A + 1], the last is the constant
     low: Floats  # [M] least y of the node
     high: Floats  # [M] greatest y of the node
     first: Integers  # [M] first of the rows, or residuals, of the node
     n_rows: Integers  # [M] how many there are
+    residuals: Floats  # [K]
+
+    def predict(self, X: Floats) -> Floats:
+        """Return the fit at each row of X [N, p], clipped to its leaf's range of targets."""
+        node = np.zeros(X.shape[0], dtype=np.int64)
+        while (inner := self.feature[node] >= 0).any():
+            rows = np.flatnonzero(inner)
+            at = node[rows]
+            below = X[rows, self.feature[at]] <= self.threshold[at]
+            node[rows] = np.where(below, self.left[at], self.right[at])
+        lines = self.coefficients[node]
+        value = (lines[:, :-1] * X).sum(axis=1) + lines[:, -1]
+        clipped: Floats = np.clip(value, self.low[node], self.high[node])
+        return clipped
 
 
 class Unrolled(NamedTuple):
@@ -256,51 +273,20 @@ def best_cut(
 
 
 @compiled
-def move_towards_better(
-    x: Floats,  # [N]
-    outcome: Floats,  # [N]
-    rows: Integers,  # [n]
-    threshold: float,
-    share: float,
-) -> float:
-    """Return the threshold moved inside its gap: ``share`` of the gap goes to the worse side."""
-    low, high = -np.inf, np.inf
-    below, above, n_below = 0.0, 0.0, 0
-    for i in range(rows.size):
-        value = x[rows[i]]
-        if value <= threshold:
-            n_below += 1
-            below += outcome[rows[i]]
-            low = max(low, value)
-        else:
-            above += outcome[rows[i]]
-            high = min(high, value)
-    if n_below == 0 or n_below == rows.size:
-        return threshold
-    # low and high are the values next to the threshold: any cut between them parts the rows alike.
-    below /= n_below
-    above /= rows.size - n_below
-    part = share if below > above else (1.0 - share if below < above else 0.5)
-    moved = low + part * (high - low)
-    # Rounding must not put the threshold on the value above it.
-    return moved if moved < high else low
-
-
-@compiled
 def grow(
     design: Design,
     y: Floats,  # [N]
     rows: Integers,  # [n] rows to fit; reordered so that each leaf's rows are contiguous
     min_leaf: int,
     floor: float,
-    out: ModelNodes,
+    out: ModelTree,
 ) -> int:
     """Grow breadth first while there is room for two more nodes, then prune; return the nodes.
 
     A node is pruned when its own fit predicts as well as its subtree (M5).
     """
     X = design.X
-    feature, threshold, left, right, coefficients, low, high, first, n_rows = out
+    feature, threshold, left, right, coefficients, low, high, first, n_rows, _ = out
     n = rows.size
     scale = np.zeros(X.shape[1])
     for j in range(X.shape[1]):
@@ -359,7 +345,7 @@ def write_residuals(
     X: Floats,  # [N, p]
     y: Floats,  # [N]
     rows: Integers,  # [n]
-    nodes: ModelNodes,
+    nodes: ModelTree,
     covered: Booleans,  # [n] scratch
     out: Floats,  # [n]
 ) -> None:
@@ -385,11 +371,11 @@ def unroll(
     first_residual: int,
     n_nodes: int,
     n_lines: int,
-    tree: ModelNodes,  # with p + A inputs
+    tree: ModelTree,  # with p + A inputs
     out: Unrolled,  # written to from n_nodes and n_lines on
 ) -> tuple[int, int, int]:
     """Write one tree as it is for one action; return the nodes and lines so far, and its levels."""
-    feature, threshold, left, right, coefficients, low, high, first, n_rows = tree
+    feature, threshold, left, right, coefficients, low, high, first, n_rows, _ = tree
     (features, thresholds, above), rows, lines, noise = out
     begin = n_nodes
     source = np.zeros(feature.size, dtype=np.int64)  # of each node written

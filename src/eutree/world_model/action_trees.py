@@ -21,11 +21,6 @@ def n_leaves(tree: ActionTree) -> int:
     return (tree.feature.size + 1) // 2
 
 
-def single_action(action: int) -> ActionTree:
-    """Return the tree that always takes one action."""
-    return packed(action)
-
-
 def packed(nested: Nested) -> ActionTree:
     """Return the arrays of a nested tree, after merging sibling leaves of equal action."""
     rows: list[tuple[float, ...]] = []

@@ -12,7 +12,6 @@ of that gap that counts as fatal: 0.5 is the usual middle, more is pessimistic, 
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -22,7 +21,7 @@ from eutree.trees import DecisionTree
 from eutree.world_model import _kernels_chances
 from eutree.world_model import _kernels_regression as kernels
 from eutree.world_model._kernels import NodeTests, World
-from eutree.world_model._kernels_regression import move_towards_better
+from eutree.world_model._kernels_regression import ModelTree as ModelTree
 from eutree.world_model.transitions import Transitions
 
 # An end is seldom seen, and where it lies is usually a simple set: beyond a threshold, within a
@@ -40,13 +39,14 @@ MOST_TESTS = 40
 MOST_ROWS = 8000
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class _Leaf:
-    """The best single description of some rows."""
+    """The best single description of some rows, or two of a test's sides if they are shorter."""
 
     rows: Integers  # [n] of the data
     cost: float
     line: Floats  # [2 d + 1]
+    test: tuple[int, float, int, int] | None = None  # feature, threshold, and the sides' numbers
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,45 +65,54 @@ class TerminationTree:
 
         Thresholds move inside their gaps, and the log-odds by those of ``gap``: a place counts as
         an end where the fitted chance exceeds 1 - gap (``sign`` -1, for good ends: where it
-        exceeds gap).
-
-        Args:
-            X: o' of the rows, shape [N, d].
-            outcome: Kind of end of each row, shape [N].
-            gap: Share of the unknown that counts as the worse.
-            sign: 1 if these ends are bad, -1 if they are good.
+        exceeds gap). ``X`` [N, d] are o' of the rows, ``outcome`` [N] their kinds of end.
         """
         threshold, lines = self.threshold.copy(), self.lines.copy()
         for node in np.flatnonzero(self.feature >= 0):
-            x: Floats = np.ascontiguousarray(X[:, self.feature[node]])
-            threshold[node] = move_towards_better(x, outcome, self.rows[node], threshold[node], gap)
+            x, kinds = X[self.rows[node], self.feature[node]], outcome[self.rows[node]]
+            threshold[node] = moved_to_better(x, kinds, float(threshold[node]), gap)
         lines[:, -1] += sign * np.log(gap / (1.0 - gap))
         return replace(self, threshold=threshold, lines=lines)
 
 
-def fit_termination(X: Floats, y: Booleans) -> TerminationTree:
-    """Grow the tree of the shortest description found.
+def moved_to_better(x: Floats, outcome: Floats, threshold: float, share: float) -> float:
+    """Return the threshold moved inside its gap: ``share`` of the gap goes to the worse side."""
+    left = x <= threshold
+    if left.all() or not left.any():
+        return threshold
+    # The values next to the threshold: any cut between them parts the rows alike.
+    low, high = float(x[left].max()), float(np.fmin.reduce(x[~left], initial=np.inf))
+    below, above = outcome[left].mean(), outcome[~left].mean()
+    part = share if below > above else (1.0 - share if below < above else 0.5)
+    moved = low + part * (high - low)
+    # Rounding must not put the threshold on the value above it.
+    return moved if moved < high else low
 
-    Args:
-        X: o' of all transitions, shape [N, d].
-        y: Whether each ended, shape [N].
-    """
+
+def fit_termination(X: Floats, y: Booleans) -> TerminationTree:
+    """Grow the tree of the shortest description found of which o' [N, d] are ends."""
     kept = _thinned(y)
     correction = np.log((~y[kept]).sum() / (~y).sum()) if (~y).any() else 0.0
-    leaves = [_described(X, y, kept)]
-    tests: list[tuple[int, float, int, int] | None] = [None]
-    node = 0
-    while node < len(leaves):
-        found = None
-        if leaves[node].cost > 3 * PRICE and len(leaves) < 2 * MOST_TESTS:
-            found = _best_test(X, y, leaves[node])
-        if found is not None:
-            feature, threshold, *sides = found
-            tests[node] = feature, threshold, len(leaves), len(leaves) + 1
-            leaves += sides
-            tests += [None, None]
-        node += 1
-    return _pruned(leaves, tests, float(correction))
+    nodes = [_described(X, y, kept)]
+    for node in nodes:  # which grow
+        if node.cost <= 3 * PRICE or len(nodes) >= 2 * MOST_TESTS:
+            continue
+        if (found := _best_test(X, y, node)) is not None:
+            node.test = *found[:2], len(nodes), len(nodes) + 1
+            nodes += found[2:]
+    for node in reversed(nodes):  # a test stays where its sides are shorter than the node itself
+        if node.test is not None:
+            below = sum(nodes[side].cost for side in node.test[2:]) + PRICE
+            if below < node.cost:
+                node.cost = below
+            else:
+                node.test = None
+    columns = zip(*(node.test or (-1, 0.0, 0, 0) for node in nodes), strict=True)
+    feature, threshold, left, right = (np.array(column) for column in columns)
+    lines = np.array([node.line for node in nodes])
+    lines[:, -1] += float(correction)
+    rows = tuple(node.rows for node in nodes)
+    return TerminationTree(feature, threshold, left, right, lines, rows)
 
 
 def _thinned(y: Booleans) -> Integers:
@@ -179,10 +188,8 @@ def _tests(X: Floats, y: Booleans, rows: Integers) -> list[tuple[int, float]]:
         gain = np.where(values[1:] > values[:-1], surplus**2 / (n * (rows.size - n)), 0.0)
         at = int(gain.argmax())
         if gain[at] > most * (1.0 + 1e-9):
-            most, purest = (
-                float(gain[at]),
-                (feature, threshold_between(*values[at : at + 2].tolist())),
-            )
+            most = float(gain[at])
+            purest = feature, threshold_between(*values[at : at + 2].tolist())
         ends = values[mine[order]]
         inner = np.diff(ends)[1:-1]
         if inner.size and inner.max() > 0:
@@ -191,66 +198,10 @@ def _tests(X: Floats, y: Booleans, rows: Integers) -> list[tuple[int, float]]:
     return tests if purest is None else [purest, *tests]
 
 
-def _pruned(
-    leaves: list[_Leaf], tests: list[tuple[int, float, int, int] | None], correction: float
-) -> TerminationTree:
-    """Keep a test where its sides are a shorter description than the node itself."""
-    costs = [leaf.cost for leaf in leaves]
-    for node in range(len(leaves) - 1, -1, -1):
-        test = tests[node]
-        if test is not None:
-            below = costs[test[2]] + costs[test[3]] + PRICE
-            if below < costs[node]:
-                costs[node] = below
-            else:
-                tests[node] = None
-    m = len(leaves)
-    feature, left, right = np.full(m, -1), np.zeros(m, dtype=np.int64), np.zeros(m, dtype=np.int64)
-    threshold = np.zeros(m)
-    for node, test in enumerate(tests):
-        if test is not None:
-            feature[node], threshold[node], left[node], right[node] = test
-    lines = np.array([leaf.line for leaf in leaves])
-    lines[:, -1] += correction
-    return TerminationTree(
-        feature, threshold, left, right, lines, tuple(leaf.rows for leaf in leaves)
-    )
-
-
 MAX_LEAVES = 64
 MIN_LEAF = 8
 GOOD_ENOUGH = 1e-4  # share of the variation that need not be explained
-
-
-class ModelTree(NamedTuple):
-    """A regression tree with a line at each leaf; feature -1 marks a leaf, node 0 is the root.
-
-    It looks at an observation, a displacement and the action, one column for each action.
-    """
-
-    feature: Integers  # [M]
-    threshold: Floats  # [M]
-    left: Integers  # [M]
-    right: Integers  # [M]
-    coefficients: Floats  # [M, 2 d + A + 1], the last is the constant
-    low: Floats  # [M]
-    high: Floats  # [M]
-    first: Integers  # [M] first residual
-    n_rows: Integers  # [M] number of residuals
-    residuals: Floats  # [K]
-
-    def predict(self, X: Floats) -> Floats:
-        """Return the fit at each row of X [N, p], clipped to its leaf's range of targets."""
-        node = np.zeros(X.shape[0], dtype=np.int64)
-        while (inner := self.feature[node] >= 0).any():
-            rows = np.flatnonzero(inner)
-            at = node[rows]
-            below = X[rows, self.feature[at]] <= self.threshold[at]
-            node[rows] = np.where(below, self.left[at], self.right[at])
-        lines = self.coefficients[node]
-        value = (lines[:, :-1] * X).sum(axis=1) + lines[:, -1]
-        clipped: Floats = np.clip(value, self.low[node], self.high[node])
-        return clipped
+EXACT = 1e-6  # the same of rewards
 
 
 @dataclass(frozen=True, eq=False)
@@ -282,19 +233,6 @@ class WorldModel:
         return replace(self, world=self.world._replace(residuals=0.0 * self.world.residuals))
 
 
-@dataclass(frozen=True)
-class _Growth:
-    """How far a tree grows."""
-
-    min_leaf: int
-    max_leaves: int
-    floor: float
-
-
-_MOVES = _Growth(min_leaf=MIN_LEAF, max_leaves=MAX_LEAVES, floor=GOOD_ENOUGH)
-_REWARDS = _Growth(min_leaf=1, max_leaves=MAX_LEAVES, floor=1e-6)
-
-
 def fit_world_models(
     data: Transitions, pessimism_levels: Sequence[float], *, max_leaves: int = MAX_LEAVES
 ) -> tuple[WorldModel, ...]:
@@ -305,18 +243,17 @@ def fit_world_models(
         pessimism_levels: Share of the gap between safe and fatal transitions that counts as fatal.
         max_leaves: Most leaves of a tree of displacements.
     """
-    growth = replace(_MOVES, max_leaves=max_leaves)
     chosen = np.eye(data.n_actions)[data.actions]  # [N, A]
     before = _design(data.observations, data.previous_displacements, chosen)
     after = _design(data.next_observations, data.displacements, chosen)
     everything = np.arange(data.rewards.size)
     moves = [
-        _grow(before, data.displacements[:, i], everything, growth)
+        _grow(before, data.displacements[:, i], everything, max_leaves=max_leaves)
         for i in range(data.observations.shape[1])
     ]
     bad, good = data.outcome > 0, data.outcome < 0
     kinds = ~data.terminated, bad, good
-    rewards = [_grow(after, data.rewards, _rows(kind), _REWARDS) for kind in kinds]
+    rewards = [_grow(after, data.rewards, _rows(kind), min_leaf=1, floor=EXACT) for kind in kinds]
     places = data.next_observations
     ends = (fit_termination(places, bad), 1.0), (fit_termination(places, good), -1.0)
     starts = np.ascontiguousarray(data.observations[data.first])
@@ -341,8 +278,8 @@ def fit_model_tree(X: Floats, y: Floats, *, max_leaves: int, min_leaf: int) -> M
         max_leaves: Most leaves.
         min_leaf: Fewest rows of a leaf.
     """
-    growth = _Growth(min_leaf=min_leaf, max_leaves=max_leaves, floor=GOOD_ENOUGH)
-    return _grow(_design(X), y, np.arange(y.size), growth)
+    rows = np.arange(y.size)
+    return _grow(_design(X), y, rows, max_leaves=max_leaves, min_leaf=min_leaf)
 
 
 def _as_tree(ends: TerminationTree, n_actions: int) -> ModelTree:
@@ -385,13 +322,16 @@ def _grow(
     design: kernels.Design,
     y: Floats,  # [N]
     rows: Integers,  # [n]
-    growth: _Growth,
+    *,
+    max_leaves: int = MAX_LEAVES,
+    min_leaf: int = MIN_LEAF,
+    floor: float = GOOD_ENOUGH,
 ) -> ModelTree:
     """Grow one tree over the rows."""
     y = np.ascontiguousarray(y)
     rows = rows.copy()
-    m, p = 2 * growth.max_leaves - 1, design.X.shape[1]
-    out = kernels.ModelNodes(
+    m, p = 2 * max_leaves - 1, design.X.shape[1]
+    out = ModelTree(
         feature=np.zeros(m, dtype=np.int64),
         threshold=np.zeros(m),
         left=np.zeros(m, dtype=np.int64),
@@ -401,12 +341,13 @@ def _grow(
         high=np.zeros(m),
         first=np.zeros(m, dtype=np.int64),
         n_rows=np.zeros(m, dtype=np.int64),
+        residuals=np.zeros(0),
     )
-    n_nodes = kernels.grow(design, y, rows, growth.min_leaf, growth.floor, out)
-    nodes = kernels.ModelNodes._make(array[:n_nodes] for array in out)
+    n_nodes = kernels.grow(design, y, rows, min_leaf, floor, out)
+    tree = ModelTree._make(array[:n_nodes] for array in out)
     residuals, covered = np.zeros(rows.size), np.zeros(rows.size, dtype=np.bool_)
-    kernels.write_residuals(design.X, y, rows, nodes, covered, residuals)
-    return ModelTree(*nodes, residuals)
+    kernels.write_residuals(design.X, y, rows, tree, covered, residuals)
+    return tree._replace(residuals=residuals)
 
 
 def _unrolled(trees: Sequence[ModelTree], n_actions: int) -> World:
@@ -423,11 +364,10 @@ def _unrolled(trees: Sequence[ModelTree], n_actions: int) -> World:
     )
     n_nodes, n_lines, n_residuals = 0, 0, 0
     for i, tree in enumerate(trees):
-        nodes = kernels.ModelNodes._make(tree[:-1])  # all but the residuals
         for action in range(n_actions):
             roots[action, i] = n_nodes
             n_nodes, n_lines, depth = kernels.unroll(
-                p, action, n_residuals, n_nodes, n_lines, nodes, out
+                p, action, n_residuals, n_nodes, n_lines, tree, out
             )
             levels[i] = max(levels[i], depth)
         n_residuals += tree.residuals.size
@@ -465,10 +405,7 @@ def hold(
     """
     places = np.array(places, dtype=np.float64, order="C")
     n = len(places)
-    boxes = _kernels_chances.Boxes(
-        tree.feature, tree.threshold, tree.left, tree.right, tree.leaf, box[0], box[1]
-    )
     actions = np.ascontiguousarray(actions, dtype=np.int64)
     held = _kernels_chances.Held(actions, places, np.empty(n), np.empty(n), np.empty(n, np.int64))
-    _kernels_chances.hold(model.world, boxes, discount, longest, held)
+    _kernels_chances.hold(model.world, tree.nodes, *box, discount, longest, held)
     return held.places, held.rewards, held.weights, held.entered

@@ -19,7 +19,7 @@ from eutree.arrays import Float32s, Floats, Integers
 from eutree.features import threshold_between
 from eutree.neural import Network, Scaling
 from eutree.neural.double_dqn import CHUNK, SLOWEST, copied, network_of, random_network
-from eutree.validation import check_integer, check_number
+from eutree.validation import check_amounts, check_number
 from eutree.world_model import _kernels_ensemble as kernels
 from eutree.world_model._kernels_ensemble import (
     BAD,
@@ -64,8 +64,7 @@ class EnsembleSettings:
     memory: bool = False
 
     def __post_init__(self) -> None:
-        for name in ("members", "hidden", "batch", "updates", "more_updates", "recent"):
-            check_integer(name, getattr(self, name), low=1)
+        check_amounts(self, members=1, hidden=1, batch=1, updates=1, more_updates=1, recent=1)
         for name in ("rate", "more_rate"):
             check_number(name, getattr(self, name), low=0.0, low_open=True)
 

@@ -3,7 +3,6 @@
 import numpy as np
 
 from eutree.arrays import Floats, Integers
-from eutree.world_model import _kernels
 from eutree.world_model import _kernels_ensemble as kernels
 from eutree.world_model._kernels import ActionTree
 from eutree.world_model._kernels_ensemble import Draws, EnsembleConditions
@@ -34,16 +33,12 @@ class EnsembleRollouts(Rollouts):
 
     def __init__(self, ensemble: Ensemble, n_starts: int, generator: np.random.Generator) -> None:
         self._world = ensemble.world
+        self._tally = self._world.tally
         self._range = ensemble.returns
         self._horizon = ensemble.horizon
         self._starts, self._n_starts = ensemble.starts, n_starts
         self.n_members = len(ensemble.weights)
         super().__init__(ensemble, n_starts * self.n_members, generator)
-
-    @property
-    def n_steps_taken(self) -> int:
-        """Steps taken so far in it."""
-        return int(self._world.tally[0])
 
     @property
     def returns(self) -> Floats:
@@ -102,7 +97,7 @@ class EnsembleRollouts(Rollouts):
         self._conditions = EnsembleConditions(self._world, draws, self._horizon)
         chosen = generator.integers(len(self._starts), size=self._n_starts)
         starts = np.repeat(self._starts[chosen], self.n_members, axis=0)
-        _kernels.assign_starts(starts, self._episodes)
+        self._begin_at(starts)
 
     def _record(self, policy: ActionTree) -> None:
         here = self._conditions, self._episodes, self._departs
@@ -124,11 +119,7 @@ def pruned_by_rollouts(
 ) -> tuple[ActionTree, float]:
     """Return the tree pruned to at most so many leaves, and its score in the rollouts.
 
-    Args:
-        tree: Tree to prune.
-        rollouts: Where rollouts are run; they end with the result run.
-        max_leaves: Most leaves of the result.
-        generator: Source of the cuts that are tried.
+    The rollouts end with the result run; ``generator`` draws the cuts that are tried.
     """
     rollouts.run(tree)
     while n_leaves(rollouts.policy) > max_leaves:

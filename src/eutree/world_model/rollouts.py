@@ -47,6 +47,7 @@ class Rollouts(ABC):
     """
 
     policy: ActionTree
+    _tally: Integers  # [1]
 
     def __init__(
         self, model: "WorldModel | Ensemble", n_episodes: int, generator: np.random.Generator
@@ -87,9 +88,9 @@ class Rollouts(ABC):
         return self._episodes.node[: self.n_steps]
 
     @property
-    @abstractmethod
     def n_steps_taken(self) -> int:
         """Steps taken so far in its world model."""
+        return int(self._tally[0])
 
     def redraw(self) -> None:
         """Draw other random numbers and other starts; the next ``run`` uses both."""
@@ -135,6 +136,14 @@ class Rollouts(ABC):
     def _record(self, policy: ActionTree) -> None:
         """Write the policy's episodes to ``_spare``."""
 
+    def _begin_at(self, starts: Floats) -> None:
+        """Write episodes of one step each: the starts [S, d] in turn, to which nothing has led."""
+        n, episodes = self.n_episodes, self._episodes
+        episodes.states[:n, : self._n_features] = starts[np.arange(n) % len(starts)]
+        episodes.states[:n, self._n_features :] = 0.0
+        episodes.earned[:n], episodes.node[:n], episodes.owner[:n] = 0.0, 0, np.arange(n)
+        episodes.first[:] = np.arange(n + 1)
+
     def _compare(self, challenger: ActionTree) -> None:
         """Find the first step of each episode at which a challenger acts differently."""
         self._within = np.zeros(self.policy.feature.size, dtype=np.int64)
@@ -167,15 +176,10 @@ class PairedRollouts(Rollouts):
     def __init__(
         self, model: WorldModel, n_episodes: int, discount: float, generator: np.random.Generator
     ) -> None:
-        self.model = model
+        self.model, self._tally = model, model.world.tally
         self._conditions = Conditions(model.world, np.empty(DRAWS), model.horizon, discount)
         self._trace = _empty(n_episodes, n_episodes * model.horizon, model.starts.shape[1])
         super().__init__(model, n_episodes, generator)
-
-    @property
-    def n_steps_taken(self) -> int:
-        """Steps taken so far in its world model."""
-        return self.model.n_steps_taken
 
     @property
     def mean_return(self) -> float:
@@ -183,10 +187,7 @@ class PairedRollouts(Rollouts):
         return float(self._episodes.returns.mean())
 
     def gain(self, challenger: ActionTree, *, hopeless: float = -np.inf) -> Gain:
-        """Return the challenger's gain over the policy; stop early below ``hopeless``.
-
-        A comparison that stopped early returns its estimate of the complete one.
-        """
+        """Return the challenger's gain over the policy; stop early below ``hopeless``."""
         self._compare(challenger)
         here = self._conditions, self._episodes, self._departs
         bounds = hopeless, self._spread
@@ -207,7 +208,7 @@ class PairedRollouts(Rollouts):
     def _draw(self) -> None:
         self.generator.random(out=self._conditions.draws)
         starts = self.model.starts
-        _kernels.assign_starts(starts[self.generator.permutation(starts.shape[0])], self._episodes)
+        self._begin_at(starts[self.generator.permutation(starts.shape[0])])
 
     def _record(self, policy: ActionTree) -> None:
         here = self._conditions, self._episodes, self._departs
