@@ -8,7 +8,6 @@ the first cut wins. A leaf whose returns no legal cut tells apart (D = 0 everywh
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Literal, get_args
 
 import numpy as np
@@ -69,11 +68,6 @@ class Split:
     action: int | None = None
 
 
-def scaled_distance(statistic: float, n_left: int, n_right: int) -> float:
-    """Return K of a two-sample Kolmogorov-Smirnov distance D between samples of these sizes."""
-    return statistic * math.sqrt(n_left * n_right / (n_left + n_right))
-
-
 Score = Literal["scaled", "distance", "calibrated"]
 Compare = Literal["action", "pooled", "centred"]
 CALIBRATION_LEVEL = 0.01
@@ -118,9 +112,24 @@ class KolmogorovSmirnov:
         observations = np.require(sample.observations, np.float64, ["C", "W"])
         returns = np.require(self.compared_returns(sample), np.float64, ["C", "W"])
         for action, rows in self.groups(sample):
-            floor = self.floor(self.value(best), rows.size) if best else 0.0
-            split = self._best_of_group(observations, returns, rows, action, floor)
-            if split and (best is None or self.value(split) > self.value(best)):
+            n, side, distance = rows.size, self.min_side(rows.size), self.score == "distance"
+            floor = self.floor(self.value(best), n) if best else 0.0
+            feature, cut, weight, _, left, right = _kernels.best_of_sample(
+                observations, returns, rows, side, distance, floor, 0, _kernels.BRUTE
+            )
+            if feature < 0:
+                continue
+            statistic = weight / (cut * (n - cut))
+            split = Split(
+                feature=feature,
+                threshold=threshold_between(left, right),
+                statistic=statistic,
+                scaled_statistic=statistic * math.sqrt(cut * (n - cut) / n),
+                n_left=cut,
+                n_right=n - cut,
+                action=action,
+            )
+            if best is None or self.value(split) > self.value(best):
                 best = split
         return best
 
@@ -135,20 +144,12 @@ class KolmogorovSmirnov:
 
     def groups(self, sample: LeafSample) -> Iterator[tuple[int | None, Integers]]:
         """Yield (action, rows) of each sample that is tested by itself and large enough to cut."""
-        everything = np.arange(sample.returns.size, dtype=np.int64)
-        if self.compare != "action":
-            if everything.size >= 2 * self.min_side(everything.size):
-                yield None, everything
-            return
-        if everything.size == 0:
-            return
-        order = np.argsort(sample.actions, kind="stable")
-        taken = sample.actions[order]
-        begins = [0, *(np.flatnonzero(taken[1:] != taken[:-1]) + 1).tolist(), taken.size]
-        for begin, end in pairwise(begins):
-            action, rows = taken[begin], order[begin:end]
+        by_action = self.compare == "action"
+        for action in np.unique(sample.actions).tolist() if by_action else [None]:
+            mine = sample.actions == action if by_action else np.ones(sample.returns.size, np.bool_)
+            rows = np.flatnonzero(mine)
             if rows.size >= 2 * self.min_side(rows.size):
-                yield int(action), rows
+                yield action, rows
 
     def value(self, split: Split) -> float:
         """Return the number that ``best`` maximises: K, D or K / c(n), according to ``score``."""
@@ -167,31 +168,6 @@ class KolmogorovSmirnov:
         if self.score == "distance":
             return value * _BELOW
         return (value * self.unit(n)) ** 2 * n * _BELOW
-
-    def _best_of_group(
-        self,
-        observations: Floats,
-        returns: Floats,
-        rows: Integers,
-        action: int | None,
-        floor: float,
-    ) -> Split | None:
-        n, side, distance = rows.size, self.min_side(rows.size), self.score == "distance"
-        feature, cut, weight, _, left, right = _kernels.best_of_sample(
-            observations, returns, rows, side, distance, floor, 0, _kernels.BRUTE
-        )
-        if feature < 0:
-            return None
-        statistic = weight / (cut * (n - cut))
-        return Split(
-            feature=feature,
-            threshold=threshold_between(left, right),
-            statistic=statistic,
-            scaled_statistic=scaled_distance(statistic, cut, n - cut),
-            n_left=cut,
-            n_right=n - cut,
-            action=action,
-        )
 
 
 def best_split(

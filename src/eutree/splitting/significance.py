@@ -157,9 +157,11 @@ class _Group:
         _, rank, counts = np.unique(returns[rows], return_inverse=True, return_counts=True)
         columns = np.ascontiguousarray(sample.observations[rows].T)
         order = np.argsort(columns, axis=1, kind="stable")
+        values, legal = np.take_along_axis(columns, order, axis=1), np.zeros(order.shape, np.bool_)
+        legal[:, 1:] = values[:, :-1] < values[:, 1:]
         return cls(
             order=order,
-            legal=_legal(columns, order),
+            legal=legal,
             rank=rank.astype(np.int32),
             cumulative=np.cumsum(counts).astype(np.float64),
             episodes=EpisodeRows.of(sample, rows) if by_episode else None,
@@ -193,15 +195,8 @@ class _Group:
         return False
 
 
-def _legal(columns: Floats, order: Integers) -> Booleans:
-    values = np.take_along_axis(columns, order, axis=1)
-    legal = np.zeros(values.shape, dtype=np.bool_)
-    legal[:, 1:] = values[:, :-1] < values[:, 1:]
-    return legal
-
-
 class _AtLevel(msgspec.Struct, frozen=True):
-    """A test that has its level and nothing else.
+    """A test at a level.
 
     Attributes:
         alpha: Level of the test: the chance of a split of noise.
@@ -210,18 +205,14 @@ class _AtLevel(msgspec.Struct, frozen=True):
     alpha: float = 0.01
 
     def __post_init__(self) -> None:
-        _check_level(self.alpha)
+        check_number("alpha", self.alpha, low=0.0, high=1.0, low_open=True)
 
 
 class Naive(_AtLevel, frozen=True, tag=True):
     """The two-sample test of the cut as if it had been chosen in advance (the paper)."""
 
     def p_value(
-        self,
-        split: Split,
-        sample: LeafSample,
-        search: KolmogorovSmirnov,
-        generator: np.random.Generator,
+        self, split: Split, sample: LeafSample, search: KolmogorovSmirnov, generator: object
     ) -> float:
         """Return the p-value of the two-sample Kolmogorov-Smirnov test of this cut alone."""
         return naive_p(split.statistic, split.n_left, split.n_right)
@@ -234,11 +225,7 @@ class Maximal(_AtLevel, frozen=True, tag=True):
     """
 
     def p_value(
-        self,
-        split: Split,
-        sample: LeafSample,
-        search: KolmogorovSmirnov,
-        generator: np.random.Generator,
+        self, split: Split, sample: LeafSample, search: KolmogorovSmirnov, generator: object
     ) -> float:
         """Return the p-value of the maximum over cuts, after Sidak's correction."""
         n = split.n_left + split.n_right
@@ -247,7 +234,7 @@ class Maximal(_AtLevel, frozen=True, tag=True):
         return sidak(single, sample.observations.shape[1] * n_groups)
 
 
-class Permutation(msgspec.Struct, frozen=True, kw_only=True, tag=True):
+class Permutation(_AtLevel, frozen=True, kw_only=True, tag=True):
     """The permutation test, exact under ties; screened by the table, which is cheaper.
 
     Attributes:
@@ -258,14 +245,13 @@ class Permutation(msgspec.Struct, frozen=True, kw_only=True, tag=True):
         by_episode: Permute whole episodes instead of tuples, if episodes are known.
     """
 
-    alpha: float = 0.01
     n_permutations: int = 999
     stop_after: int = 10
     min_episodes: int = 3
     by_episode: bool = False
 
     def __post_init__(self) -> None:
-        _check_level(self.alpha)
+        super().__post_init__()
         check_integer("n_permutations", self.n_permutations, low=math.ceil(1 / self.alpha) - 1)
         check_amounts(self, stop_after=1, min_episodes=0)
 
@@ -311,7 +297,3 @@ def episodes_on_a_side(split: Split, sample: LeafSample) -> int:
     left = sample.observations[tested, split.feature] <= split.threshold
     episodes = sample.episodes[tested]
     return min(np.unique(episodes[left]).size, np.unique(episodes[~left]).size)
-
-
-def _check_level(alpha: float) -> None:
-    check_number("alpha", alpha, low=0.0, high=1.0, low_open=True)
