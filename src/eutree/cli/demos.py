@@ -282,12 +282,13 @@ def import_(
     )
     if kind != "csv" and (columns or delimiter is not None or log_format != LogFormat()):
         raise InvalidArgumentError(f"columns and --delimiter are for a file .csv, got {source!r}")
-    schema, spec = (None, None) if environment is None else _described(environment, env_arguments)
-    known: dict[str, Any] = {"schema": schema, "environment": spec}
+    known: dict[str, Any] = {}
+    if environment is not None:
+        with closing(make(EnvironmentSpec(environment, env_arguments))) as env:
+            guarded = GuardedEnv(env)
+            known = {"schema": guarded.schema, "environment": guarded.spec}
     if kind == "minari":
-        loaded = Demonstrations.from_minari(source.removeprefix("minari:"))
-        if schema is not None:
-            loaded = replace(loaded, **known)
+        loaded = replace(Demonstrations.from_minari(source.removeprefix("minari:")), **known)
     elif kind == "csv":
         loaded = Demonstrations.from_csv(
             source, columns=columns, delimiter=delimiter, log=log_format, **known
@@ -362,13 +363,6 @@ def _kind(argument: str, name: str) -> str:
     if name.endswith((".csv", ".npz")):
         return name[-3:]
     raise InvalidArgumentError(f"{argument} must be {_KINDS}; got {name!r}")
-
-
-def _described(environment: str, arguments: dict[str, Any]) -> tuple[Any, Any]:
-    """Return schema and spec of an environment."""
-    guarded = GuardedEnv(make(EnvironmentSpec(environment, arguments)))
-    guarded.env.close()
-    return guarded.schema, guarded.spec
 
 
 def _show(folder: DemonstrationFolder, episode: Episode) -> None:

@@ -91,28 +91,20 @@ def _dask_client(address: str) -> Any:
     except ImportError:
         raise MissingExtraError("dask.distributed", "cluster") from None
     is_file = address.endswith(".json")
+    end = time.monotonic() + PATIENCE
     try:
-        if is_file:
-            _wait_for(Path(address))
+        while (
+            is_file and not Path(address).exists()
+        ):  # a scheduler just started has yet to write it
+            if time.monotonic() > end:
+                raise TimeoutError("there is no such file")
+            time.sleep(0.05)
         return Client(**{"scheduler_file" if is_file else "address": address}, timeout=PATIENCE)
     except (OSError, ValueError) as error:
         raise InvalidArgumentError(
             "--address must be that of a running scheduler, such as tcp://10.0.0.1:8786, or the "
             f"file that it wrote, got {address!r}: {error}"
         ) from error
-
-
-def _wait_for(path: Path) -> None:
-    """Wait until a scheduler that has just been started has written where it is.
-
-    Raises:
-        TimeoutError: It has not.
-    """
-    end = time.monotonic() + PATIENCE
-    while not path.exists():
-        if time.monotonic() > end:
-            raise TimeoutError("there is no such file")
-        time.sleep(0.05)
 
 
 def _join_ray(address: str) -> None:

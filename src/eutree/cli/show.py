@@ -21,13 +21,11 @@ from eutree.export import export as make
 from eutree.export.c import function_name
 from eutree.files import check_writable, write_bytes, write_text
 from eutree.policies import TreePolicy
-from eutree.schema import EnvironmentSpec
 from eutree.trees.text import Digits, asked, definitions, printable
 
 if TYPE_CHECKING:
     from rich.text import Text
 
-    from eutree.report import WatchedEpisode
 
 # Names of terminal colours, so that each terminal's own theme keeps them readable.
 _COLOURS = ("yellow", "cyan", "green", "magenta", "blue", "red")
@@ -85,11 +83,20 @@ def show(
         return Result(values, drawn(loaded))
     from eutree.proof import load_certificate
     from eutree.report import policy_page
+    from eutree.report.watching import watch_if_possible
 
     check_writable(html)
     proven = None if certificate is None else load_certificate(certificate, loaded)
     spec = loaded.environment and loaded.environment.override(env_arguments)
-    watched = _watched(loaded, spec, episodes=episodes, seed=seed)
+    watched, problem = [], ""
+    if episodes:
+        os.environ.setdefault("SDL_VIDEODRIVER", "dummy")  # pictures are drawn without a display
+        with progress("playing", episodes) as line:
+            watched, problem = watch_if_possible(
+                loaded, spec, episodes=episodes, seed=seed, on_episode=line.update
+            )
+    if problem:
+        say(problem)
     demonstrations = None if demos is None else load_demonstrations(demos, loaded)
     content = policy_page(
         loaded,
@@ -101,24 +108,6 @@ def show(
     write_text(html, content)
     values |= {"path": str(html), "episodes": len(watched), "bytes": len(content.encode())}
     return Result(values, f"written to {html}")
-
-
-def _watched(
-    policy: TreePolicy, spec: EnvironmentSpec | None, *, episodes: int, seed: int
-) -> "list[WatchedEpisode]":
-    """Return the episodes that the page plays."""
-    from eutree.report.watching import watch_if_possible
-
-    if not episodes:
-        return []
-    os.environ.setdefault("SDL_VIDEODRIVER", "dummy")  # pictures are drawn without a display
-    with progress("playing", episodes) as line:
-        watched, problem = watch_if_possible(
-            policy, spec, episodes=episodes, seed=seed, on_episode=line.update
-        )
-    if problem:
-        say(problem)
-    return watched
 
 
 def drawn(policy: TreePolicy) -> "Text":

@@ -124,7 +124,8 @@ def harms(played: Played, demonstrations: Demonstrations) -> list[Harm]:
     Where the environment reports no failures, an episode is bad that earns less than any
     demonstration: half of the demonstrations themselves earn less than their mean.
     """
-    below = None if played.evaluation.successes is not None else _lowest(demonstrations)
+    ended = [e.undiscounted_return for e in demonstrations if e.terminated or e.truncated]
+    below = None if played.evaluation.successes is not None else min(ended, default=np.nan)
     failed = played.failed(np.nan if below is None else below)
     endings, shown = played.evaluation.endings, shown_in(played.policy, demonstrations)
     found = []
@@ -133,12 +134,6 @@ def harms(played: Played, demonstrations: Demonstrations) -> list[Harm]:
         if so.mean() >= OFTEN:
             found.append(replace(_harm(played, so, ending, shown), below=below))
     return sorted(found, key=lambda harm: -harm.share)
-
-
-def _lowest(demonstrations: Demonstrations) -> float:
-    """Return the lowest return of a finished demonstration; NaN if there is none."""
-    ended = [e.undiscounted_return for e in demonstrations if e.terminated or e.truncated]
-    return min(ended, default=np.nan)
 
 
 def _harm(played: Played, so: Booleans, ending: str, shown: Integers) -> Harm:
