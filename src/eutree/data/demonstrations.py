@@ -4,7 +4,7 @@ import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,12 +12,14 @@ from numpy.typing import ArrayLike
 from eutree.arrays import Floats, Frozen, Integers
 from eutree.data.episode import CUT, TAUGHT, Episode, episodes_from_rows, schema_for
 from eutree.data.files import DemonstrationFolder, misfit, save_folder
-from eutree.data.log_format import LogFormat
 from eutree.display import Displayed, counted
 from eutree.errors import InvalidArgumentError, blamed
 from eutree.features import Derivation, FeatureMap
 from eutree.schema import EnvironmentSpec, Feature, Schema
 from eutree.validation import check_finite, check_kind, data_frame
+
+if TYPE_CHECKING:
+    from eutree.data.log_format import LogFormat
 
 
 @dataclass(frozen=True, eq=False)
@@ -242,7 +244,7 @@ class Demonstrations(Displayed, Frozen):
         environment: EnvironmentSpec | None = None,
         columns: Mapping[str, str] | None = None,
         delimiter: str | None = None,
-        log: LogFormat | None = None,
+        log: "LogFormat | None" = None,
     ) -> "Demonstrations":
         """Read a table with one row for each observation; see docs/formats.
 
