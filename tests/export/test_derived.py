@@ -143,6 +143,21 @@ def test_python_decides_as_the_policy(declared):
             assert again == decided(policy, rows[::-1])
 
 
+@pytest.mark.promise(20)
+@pytest.mark.parametrize("kind", [np.float32, np.uint8, np.int64])
+@pytest.mark.parametrize("declared", [[], PLAIN, LAST], ids=["none", "plain", "last"])
+def test_python_takes_arrays_of_any_numbers(declared, kind):
+    """Single precision would round 0.1 up to itself, and small whole numbers wrap around."""
+    schema = ROAD.derive([*declared, "less = gap - speed"]) if declared else ROAD
+    last = schema.n_features - 1
+    tree = DecisionTree.single_leaf(last + 1).split(0, 0, 0.1).split(1, last, 0.1)
+    policy = TreePolicy(tree, np.array([0, 1, 2]), schema)
+    module: dict = {}
+    exec(compile(to_python(policy), "policy", "exec"), module)
+    rows = np.array([[0.1, 0.0, 0.0], [3, 5, 0], [5, 3, 0], [0.2, 0.1, 0]]).astype(kind)
+    assert [module["decide"](row) for row in rows] == decided(policy, rows)
+
+
 def test_what_is_not_asked_for_is_not_computed():
     source = to_c(deciding(PLAIN))
     assert "unused" not in source
@@ -169,7 +184,7 @@ def run_structured_text(source):
             names = re.findall(r"\w+", line.split(":")[0])
             (inputs if section == "VAR_INPUT" else variables).extend(names)
         elif line in ("END_FUNCTION", "END_FUNCTION_BLOCK"):
-            result = "action" if block else title + "_"
+            result = "action_index" if block else title + "_"
             kept = f"    global {', '.join(variables)}\n" if block else ""
             body = "\n".join(re.sub(rf"\b{title}\b(?!\()", title + "_", one) for one in code)
             defined = f"def {title}({', '.join(inputs)}):\n{kept}{body}\n    return {result}\n"
@@ -218,7 +233,7 @@ def test_what_actions_set_is_not_asked_twice_in_a_step(tmp_path: Path):
     assert list(table) == [0.0, 50.0, 100.0]
     assert "decide_valve(" in to_c(deciding(PLAIN, schema=schema))
     assert "def decide_valve(" not in to_python(deciding(LAST, schema=schema))
-    assert "action : INT;\nEND_VAR\nCASE action OF" in (
+    assert "action_index : INT;\nEND_VAR\nCASE action_index OF" in (
         to_structured_text(deciding(LAST, schema=schema))
     )
 

@@ -16,10 +16,12 @@ import pytest
 from eutree.export import to_latex, to_structured_text
 from eutree.export.c import probes
 from eutree.policies import TreePolicy
-from eutree.schema import Feature, Schema
+from eutree.schema import Control, Feature, Schema
 from tests.export.policies import EVASION, NASTY, policy_of, tree
 from tests.patience import ENOUGH
 
+CONTROLS = (Control("valve", "%", (0.0, 50.0)),)
+BLOCK = Schema((Feature("level"), Feature("integral")), ("shut", "open"), CONTROLS)
 NAMES = Schema(tuple(Feature(name, name) for name in NASTY), tuple(NASTY))
 POLICIES = {
     "one leaf": policy_of(tree(1, 3), EVASION),
@@ -69,6 +71,22 @@ def test_blark_parses_structured_text(policy: TreePolicy) -> None:
     assert blark.parse_source_code(content).exception is None
     if "THEN" in content:  # the control
         assert blark.parse_source_code(content.replace("THEN", "THN")).exception is not None
+
+
+def test_blark_parses_what_remembers_the_step_before() -> None:
+    blark = pytest.importorskip("blark")
+    schema = BLOCK.derive(["rise = level - last(level)"])
+    content = to_structured_text(policy_of(tree(6, 3), schema))
+    assert "FUNCTION_BLOCK decide" in content
+    assert blark.parse_source_code(content).exception is None
+    assert blark.parse_source_code(content.replace("_index", "")).exception is not None
+
+
+@pytest.mark.parametrize("name", ["final", "private", "interface", "continue", "jmp", "property"])
+def test_blark_parses_names_that_are_words_of_the_language(name: str) -> None:
+    blark = pytest.importorskip("blark")
+    content = to_structured_text(policy_of(tree(2, 1), Schema((Feature(name),), ("a", "b"))))
+    assert blark.parse_source_code(content).exception is None
 
 
 @pytest.mark.slow

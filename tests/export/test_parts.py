@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from eutree.errors import MissingExtraError
-from eutree.export import to_latex, to_onnx, to_svg
+from eutree.errors import InvalidArgumentError, MissingExtraError
+from eutree.export import to_c, to_latex, to_onnx, to_svg
 from eutree.export._code import (
     C_WORDS,
     DEPTH,
@@ -18,7 +18,7 @@ from eutree.export._code import (
     block_roots,
     identifiers,
 )
-from eutree.export.c import node_boxes, probes
+from eutree.export.c import function_name, node_boxes, probes
 from eutree.export.drawing import FILLS, layout
 from eutree.export.structured_text import literal
 from eutree.schema import Feature, Schema
@@ -135,3 +135,24 @@ def test_missing_onnx_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setitem(sys.modules, "onnx", None)
     with pytest.raises(MissingExtraError, match=r"onnx is not installed.*eutree\[onnx\]"):
         to_onnx(policy_of(tree(2, 2)))
+
+
+@pytest.mark.parametrize(
+    "name", ["log", "remove", "printf", "abs", "stdin", "NULL", "time", "actions", "row"]
+)
+def test_no_function_of_c_has_a_name_of_its_library_or_of_the_self_test(name):
+    policy = policy_of(tree(2, 1))
+    with pytest.raises(InvalidArgumentError, match="no reserved word"):
+        to_c(policy, name=name)
+    assert function_name(name).casefold() != name.casefold()
+
+
+def test_no_identifier_is_a_function_block_of_controllers():
+    """The names that matiec 6bb2c33 refuses: its library and that of the standard."""
+    blocks = (
+        "TP TON TOF CTU CTD CTUD SR RS RTC SEMA R_TRIG F_TRIG PID INTEGRAL DERIVATIVE RAMP "
+        "HYSTERESIS"
+    )
+    names = [*blocks.split(), *blocks.lower().split()]
+    found = identifiers(names, reserved=STRUCTURED_TEXT_WORDS)
+    assert not {name.casefold() for name in found} & {name.casefold() for name in names}

@@ -4,6 +4,9 @@ from eutree.export import _code as code
 from eutree.policies import TreePolicy
 from eutree.trees import text
 
+# An array of single precision or of whole numbers would round thresholds to its own numbers.
+_DOUBLES = "observation = [float(value) for value in observation]"
+
 
 def to_python(policy: TreePolicy, *, name: str = "decide") -> str:
     """Return a Python module with one function: an observation in, the action's index out.
@@ -19,12 +22,7 @@ def to_python(policy: TreePolicy, *, name: str = "decide") -> str:
         policy: Policy to export.
         name: Name of the function.
     """
-    code.check_identifier(
-        "name",
-        name,
-        reserved=code.PYTHON_WORDS
-        | {"features", "units", "actions", "controls", "values", "orders"},
-    )
+    code.check_identifier("name", name, reserved=code.PYTHON_WORDS)
     schema, measured = policy.schema, policy.schema.measured
     lines = [
         f"# {policy.n_leaves} rules for {measured.n_features} features"
@@ -88,6 +86,7 @@ def _function(policy: TreePolicy, name: str, root: int) -> list[str]:
         words = "the features in order, newest first" if policy.history else "the features in order"
         result = "number of the leaf" if policy.masked else "index of the action"
         heading.append(f'    """Return the {result}; observation: {words}."""')
+        heading += [f"    {_DOUBLES}"] if policy.n_leaves > 1 else []
     return heading + code.block(tree, syntax, root, indent=1)
 
 
@@ -105,6 +104,7 @@ def _entry(policy: TreePolicy, name: str, *, reset: str) -> list[str]:
         reset=reset,
         measured=policy.derivation.n_measured,
         derived=len(policy.derivation.formulas),
+        doubles=_DOUBLES,
         computed=computed,
     )
 

@@ -5,6 +5,8 @@ from eutree.export import _code as code
 from eutree.policies import TreePolicy
 from eutree.trees import text
 
+_OWN = frozenset({"action_index", "restart", "goes_on"})  # variables of a FUNCTION_BLOCK
+
 
 def to_structured_text(policy: TreePolicy, *, name: str = "decide") -> str:
     """Return a FUNCTION that takes the features and returns the action's index.
@@ -14,8 +16,8 @@ def to_structured_text(policy: TreePolicy, *, name: str = "decide") -> str:
     every test and takes the ELSE branch, as in the tree. Where actions set quantities there is a
     FUNCTION for each, ``NAME_CONTROL``, which returns an LREAL. Derived features are computed of
     those measured, which alone are inputs. Where one is of a last value, ``NAME`` is a
-    FUNCTION_BLOCK with an output ``action``, to be called once a step, and an input ``restart``
-    that begins an episode; the functions of the controls then take the action.
+    FUNCTION_BLOCK with an output ``action_index``, to be called once a step, and an input
+    ``restart`` that begins an episode; the functions of the controls then take that index.
 
     Args:
         policy: Policy to export.
@@ -26,7 +28,7 @@ def to_structured_text(policy: TreePolicy, *, name: str = "decide") -> str:
     reserved = code.STRUCTURED_TEXT_WORDS | {name.casefold()}
     computed = code.exported_features(policy)
     if computed:
-        reserved |= {"action", "restart", "goes_on"}
+        reserved |= _OWN
     inputs = code.identifiers(schema.feature_names, reserved=reserved)
     lines = [
         f"(* A decision tree with {counted(policy.n_leaves, 'leaf')}"
@@ -96,7 +98,7 @@ def _entry(policy: TreePolicy, name: str, inputs: list[str]) -> list[str]:
     remembered = code.remembered_features(policy)
     kept = code.identifiers(
         [f"last {inputs[j]}" for j in remembered],
-        reserved=[*code.STRUCTURED_TEXT_WORDS, name, *inputs, "action", "restart", "goes_on"],
+        reserved=[*code.STRUCTURED_TEXT_WORDS, name, *inputs, *_OWN],
     )
     last = dict(zip(remembered, kept, strict=True))
     operators = code.operations(name, "SEL({0}, {2}, {1})", "AND", "OR")
@@ -143,7 +145,7 @@ def _values(policy: TreePolicy, name: str, inputs: list[str]) -> list[str]:
             title += "1"
         taking, chosen = _inputs(policy, inputs), f"{name}({', '.join(inputs)})"
         if code.remembered_features(policy):
-            taking, chosen = ["VAR_INPUT", "    action : INT;", "END_VAR"], "action"
+            taking, chosen = ["VAR_INPUT", "    action_index : INT;", "END_VAR"], "action_index"
         lines += [
             f"FUNCTION {title} : LREAL (* {text.printable(control.label)} *)",
             *taking,
