@@ -12,8 +12,8 @@ import click
 
 from eutree.cli._options import check_outputs
 from eutree.cli._output import kept_for_results, said_what_is_compiled
-from eutree.errors import EutreeError, InvalidArgumentError, UnknownNameError, described
-from eutree.validation import check_offered
+from eutree.errors import EutreeError, UnknownNameError, described
+from eutree.validation import check_kind, check_offered
 
 # Loaded when called, so that `eutree --help` imports only the modules that it needs.
 COMMANDS = {
@@ -63,9 +63,7 @@ class LazyGroup(click.Group):
             return _added_command(cmd_name)
         module = cmd_name.replace("-", "_")
         home = HOMES.get(module, module)
-        command = getattr(importlib.import_module(f"eutree.cli.{home}"), module)
-        if not isinstance(command, click.Command):
-            raise TypeError(f"eutree.cli.{cmd_name} must hold a click command of its name")
+        command: click.Command = getattr(importlib.import_module(f"eutree.cli.{home}"), module)
         return command
 
     def resolve_command(
@@ -102,11 +100,7 @@ def _added_command(name: str) -> click.Command:
     if not points:
         raise UnknownNameError("command", name, [*COMMANDS, *_added()])
     command = check_offered("command", points)
-    if not isinstance(command, click.Command):
-        raise InvalidArgumentError(
-            f"command {name!r}, {points[name].value}, must be a command of click"
-        )
-    return command
+    return check_kind(f"command {name!r}, {points[name].value},", command, click.Command)
 
 
 def _help_of(name: str) -> str:

@@ -49,12 +49,8 @@ _EVASION: Mapping[str, Expert] = {"gate": wait_at_crossing, "look-ahead": look_a
 _PAPER_EVASION: Mapping[str, Expert] = {"gate": wait_for_the_end, "look-ahead": look_ahead}
 
 EXPERTS: Mapping[str, Mapping[str, Expert]] = {
-    "eutree/Evasion-v0": _EVASION,
-    "eutree/Evasion2-v0": _EVASION,
-    "eutree/Evasion3-v0": _EVASION,
-    "eutree/Evasion4-v0": _EVASION,
-    "eutree/PaperEvasion2-v0": _PAPER_EVASION,
-    "eutree/PaperEvasion3-v0": _PAPER_EVASION,
+    **{f"eutree/Evasion{n}-v0": _EVASION for n in ("", 2, 3, 4)},
+    **{f"eutree/PaperEvasion{n}-v0": _PAPER_EVASION for n in (2, 3)},
     "CartPole-v1": {"fall": follow_the_fall, "balance": balance},
     "MountainCar-v0": {"push": push_along, "rock": rock},
     "Acrobot-v1": {"both": swing_both, "elbow": swing_elbow},

@@ -8,7 +8,7 @@ import random
 import time
 import warnings
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from copy import deepcopy
 from typing import Any, cast
 
@@ -136,10 +136,8 @@ def _twin(env: gymnasium.Env[Any, Any]) -> gymnasium.Env[Any, Any]:
 def _close(env: gymnasium.Env[Any, Any]) -> None:
     """Close an environment that was made here; a copy may share resources that it would close."""
     if spec_of(env) is not None:
-        try:
+        with suppress(Exception):
             env.close()
-        except Exception:
-            return
 
 
 @contextmanager

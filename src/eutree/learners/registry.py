@@ -311,7 +311,6 @@ def restored(
 # A choice of a part is written with dots, ``planner.improvement.price``; its last name is enough
 # where no other choice ends in it.
 
-
 # What msgspec says: Expected `float | null`, got `str` - at `$.planner.improvement.price`
 _MISTAKEN = re.compile(r"Expected `(?P<kinds>[^`]*)`, got `\w+` - at `\$\.(?P<path>[\w.]+)`")
 _KINDS = {"float": "a number", "int": "a whole number", "bool": "true or false", "str": "a word"}

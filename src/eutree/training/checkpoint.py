@@ -8,8 +8,7 @@ against itself, before the learner is made.
 """
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import Any, ClassVar
@@ -45,6 +44,7 @@ from eutree.world_model import Transitions
 
 CHECKPOINT = "checkpoint.npz"
 _EVENTS = "run_events"
+_MISREAD = (IndexError, KeyError, TypeError, ValueError, OverflowError)  # where events are others
 MAX_CHECKPOINT = 4 * 2**30  # bytes; a run of some ten million steps and more
 
 
@@ -126,11 +126,11 @@ def restore_checkpoint(path: Path, run: Run) -> None:
     _check_events(path, events, gathered)
     run.learner = restored(path, arrays, method, problem, start)
     run.state.at = document.position
-    with _told(path, "an evaluation"):
+    with blamed(path, f"{_EVENTS}: an evaluation", _MISREAD):
         points = [event for event in events if event["event"] == "evaluation"]
         rows = [{one.name: point.get(one.name) for one in fields(CurvePoint)} for point in points]
         run.evaluations.curve = msgspec.convert(rows, list[CurvePoint])
-    with _told(path, "a judgement"):
+    with blamed(path, f"{_EVENTS}: a judgement", _MISREAD):
         judged = [Judgement.from_facts(one) for one in events if one["event"] == "judgement"]
     run.evaluations.judgement = judged[-1] if judged else None
     run.state.events, run.gathered = events, gathered
@@ -141,7 +141,7 @@ def restore_checkpoint(path: Path, run: Run) -> None:
     if document.front is not None:
         run.evaluations.picked = document.front.picked.policy(path)
         trees = [one.policy(path) for one in document.front.trees]
-        with _told(path, "a front"):
+        with blamed(path, f"{_EVENTS}: a front", _MISREAD):
             facts = [event["front"] for event in events if event["event"] == "front"][-1]
             pairs = zip(trees, facts, strict=True)
             run.evaluations.front = tuple(FrontEntry.from_facts(*pair) for pair in pairs)
@@ -153,22 +153,11 @@ def restore_checkpoint(path: Path, run: Run) -> None:
         run.racing.search.restore(state, raced)
 
 
-@contextmanager
-def _told(path: Path, what: str) -> Iterator[None]:
-    """Blame the log for whatever goes wrong where it is read back."""
-    try:
-        yield
-    except (IndexError, KeyError, TypeError, ValueError, OverflowError) as error:
-        raise FormatError(path, _EVENTS, f"{what}: {error!r}") from None
-
-
-_GATHERED = Part(
-    {
-        "episode_returns": Stored("f8", "E"),
-        "episode_lengths": Stored("i8", "E"),
-        "episode_successes": Stored("i1", "E"),
-    }
-)
+_GATHERED = Part({
+    "episode_returns": Stored("f8", "E"),
+    "episode_lengths": Stored("i8", "E"),
+    "episode_successes": Stored("i1", "E"),
+})  # fmt: skip
 
 
 def stored_observations(path: str | Path) -> Floats:
@@ -229,5 +218,5 @@ def _check_events(path: Path, events: list[dict[str, Any]], gathered: GatheredEp
             raise FormatError(path, where, "event must be a name")
         if type(event.get("episode")) is not int:
             raise FormatError(path, where, "episode must be a whole number")
-    with _told(path, "not those of a run"):
+    with blamed(path, f"{_EVENTS}: not those of a run", _MISREAD):
         progress_to_csv(events, gathered)
