@@ -123,13 +123,9 @@ Forgetting: TypeAlias = LeafReservoirs | RecentEpisodes
 
 
 def fair_shares(sizes: Integers, room: int) -> Integers:
-    """Return how much of each reservoir stays: all of it up to one size, ``room`` in all.
+    """Return how much of each reservoir [n] stays: all of it up to one size, ``room`` in all.
 
     The rest after the largest such size goes to the first reservoirs above it, one each.
-
-    Args:
-        sizes: Transitions in each reservoir, shape [n].
-        room: Most transitions in all of them together.
     """
     if int(sizes.sum()) <= room:
         return sizes

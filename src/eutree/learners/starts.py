@@ -123,10 +123,7 @@ def fitted_trees(
 ) -> list[FittedTree]:
     """Return the different trees of these settings, each with its cross-validation.
 
-    Args:
-        demonstrations: The episodes.
-        settings: The choices of C4.5; of two that give the same tree the first one counts.
-        histories: Numbers of previous observations.
+    Of two settings or numbers of previous observations that give the same tree the first counts.
     """
     found: dict[bytes, FittedTree] = {}
     for history in histories:

@@ -207,13 +207,9 @@ ROW_OF_RACE = 10_000  # starts of one race are numbered from this times the race
 
 
 class Races:
-    """All raced trees of one learner, and their races.
+    """All raced trees of one learner, ``first`` the policy, and their races.
 
-    Args:
-        first: What the learner starts with: the policy.
-        experience: Where the episodes of the races are stored.
-        students: Says what a tree does.
-        price: Return that a leaf must earn.
+    The price is the return that a leaf must earn.
 
     Attributes:
         trees: The start, and all challengers that raced or are to race.

@@ -75,19 +75,13 @@ class Experience:
 
 
 class Students:
-    """The actions of a teacher at observations, and trees that copy them.
-
-    Args:
-        action_values: The teacher's Q, from observations [N, d] to [N, A].
-        n_actions: Number of actions A.
-        masks: Which actions were allowed at each stored observation, [N, A]; None for all.
-    """
+    """The actions of a teacher at observations, and trees that copy them."""
 
     def __init__(
         self,
-        action_values: Callable[[Floats], Floats],
+        action_values: Callable[[Floats], Floats],  # the teacher's Q, from [N, d] to [N, A]
         n_actions: int,
-        masks: Callable[[], Booleans | None] = lambda: None,
+        masks: Callable[[], Booleans | None] = lambda: None,  # [N, A] allowed; None for all
     ) -> None:
         self._action_values = action_values
         self._n_actions = n_actions
@@ -162,13 +156,7 @@ LAST_OF_TEACHER = 4_000  # steps of the teacher's last episodes that it begins w
 
 
 class DAgger:
-    """The rounds of one learner.
-
-    Args:
-        students: The teacher's labels, and trees that copy them.
-        experience: The episodes of the teacher and of the trees.
-        steps: Steps of all rounds together.
-        tree: Who acts before the first round.
+    """The rounds of one learner, of so many steps together; ``tree`` acts before the first.
 
     Attributes:
         tree: Who acts in the present round.
