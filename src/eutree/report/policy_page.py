@@ -3,18 +3,20 @@
 from collections import Counter
 from collections.abc import Sequence
 from string import Template
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from eutree.data import Demonstrations, Episode
 from eutree.display import counted, told_apart
 from eutree.policies import TreePolicy
-from eutree.proof import Certificate
 from eutree.report.html import Pointer, Verdict, asset, head, page
-from eutree.report.proof_page import certificate_section
 from eutree.report.tree_data import SIZE_LIMIT, add_pictures, policy_features, tree_data
 from eutree.report.watching import WatchedEpisode
 from eutree.trees.text import definitions
+
+if TYPE_CHECKING:
+    from eutree.proof import Certificate
 
 _SCRIPTS = ("model", "tree", "player", "details", "rules", "slices", "search", "start")
 
@@ -24,7 +26,7 @@ def policy_page(
     *,
     episodes: Sequence[WatchedEpisode] = (),
     demonstrations: Demonstrations | None = None,
-    certificate: Certificate | None = None,
+    certificate: "Certificate | None" = None,
     title: str = "",
     file: str = "policy.json",
     size_limit: int = SIZE_LIMIT,
@@ -53,13 +55,22 @@ def policy_page(
         tree=asset("tree.html"),
         player=asset("player.html"),
         details=asset("details.html"),
-        certificate="" if certificate is None else certificate_section(certificate),
+        certificate=_proven(certificate),
     )
     data = tree_data(policy, episodes, demonstrations) | {"file": file}
     scripts = "".join(asset(f"{name}.js") for name in _SCRIPTS)
     style = asset("watch.css") + asset("policy.css")
     add_pictures(data, episodes, body + scripts + style, size_limit)
     return page(title=heading, body=body, style=style, script=scripts, data=data)
+
+
+def _proven(certificate: "Certificate | None") -> str:
+    """Return the part of the page with the proven properties, if there are any."""
+    if certificate is None:
+        return ""
+    from eutree.report.proof_page import certificate_section
+
+    return certificate_section(certificate)
 
 
 def _made_with(policy: TreePolicy) -> list[str]:

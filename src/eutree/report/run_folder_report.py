@@ -14,7 +14,6 @@ from eutree.policies import TreePolicy
 from eutree.policy_search.model_trust import ModelTrust
 from eutree.report.chart import Series, line
 from eutree.report.run_page import RunReport, Table, WatchedTree
-from eutree.training import Judgement
 
 RACES = ("race", "tree", "made by", "episodes", "mean return", "then")
 SHOWN = "The policy: a click on a leaf says what is known of it."
@@ -73,6 +72,8 @@ def _report(path: Path, config: Event, events: Sequence[Event]) -> RunReport:
         notes.append(f"Its teacher is one's own: {config['teacher']}, which are not counted.")
     verdict = "This run has not ended yet, or had nothing to be judged against."
     if judged is not None:
+        from eutree.training import Judgement
+
         judgement = Judgement.from_facts(judged)
         sentences = judgement.describe("the tree that it started from"), judgement.verdict()
         verdict = " ".join(f"{one[0].upper()}{one[1:]}." for one in sentences if one)
