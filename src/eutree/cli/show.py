@@ -82,13 +82,14 @@ def show(
     if html is None:
         return Result(values, drawn(loaded))
     from eutree.proof import load_certificate
-    from eutree.report import policy_page
+    from eutree.report import WatchedEpisode, policy_page
     from eutree.report.watching import watch_if_possible
 
     check_writable(html)
     proven = None if certificate is None else load_certificate(certificate, loaded)
     spec = loaded.environment and loaded.environment.override(env_arguments)
-    watched, problem = [], ""
+    watched: list[WatchedEpisode] = []
+    problem = ""
     if episodes:
         os.environ.setdefault("SDL_VIDEODRIVER", "dummy")  # pictures are drawn without a display
         with progress("playing", episodes) as line:

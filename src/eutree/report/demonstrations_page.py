@@ -15,7 +15,8 @@ import numpy as np
 from eutree.arrays import Floats
 from eutree.data import Demonstrations, Episode
 from eutree.evaluation.expert_curve import ExpertCurve, expert_curve
-from eutree.fitting.report import Person, result_in_words
+from eutree.fitting import Person
+from eutree.fitting.report import result_in_words
 from eutree.report.chart import STYLES, chart, legend, line
 from eutree.report.html import asset, figure, head, page
 from eutree.schema import Schema
