@@ -116,7 +116,8 @@ def read_bytes(path: str | Path, *, limit: int) -> bytes:
 def _opened(path: str | Path, limit: int) -> Iterator[BinaryIO]:
     with reported("read", path):
         descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
-    with open(descriptor, "rb") as file:
+        file = os.fdopen(descriptor, "rb")  # a folder cannot be opened so
+    with file:
         status = os.fstat(descriptor)
         if not stat.S_ISREG(status.st_mode):
             raise FileError("read", path, "it is not a regular file")
