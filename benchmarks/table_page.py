@@ -228,6 +228,10 @@ Each size is a run of its own. The front of a single run has every size too, but
 plays each of its trees from 60 starts or more, by default two steps for each step of the run, and
 within 100,000 steps of MountainCar there are enough for two trees.
 
+`Cologne1-v0` is [the light](real-tasks.md), in half hours with demand drawn for each; it does not
+always repeat an episode, so its runs can be had again only on the mean. Runs of whole hours and
+with rules above the trees are on the page that is linked.
+
 Below each task's own rows: *measured*, with the authors' code on fresh seeds (Gymnasium 1.4, two
 cores; these programs are not part of this repository); *published*, by them; *here*, by another
 command of this repository, on the page that is linked."""
