@@ -343,17 +343,14 @@ class DistilledDQNLearner:
         facts = self.races.take_last_episode()
         if not facts:
             return {}
+        # The longest episode that is possible; without a limit the longest so far.
+        longest = self._problem.max_episode_steps or self._experience.longest
         if self.races.is_run:
             facts |= self.races.end(self.model_trust())
             facts |= self._go_on(generator)
-        elif self.steps + self._longest > self._budget.total:
+        elif self.steps + longest > self._budget.total:
             facts |= self.races.end(self.model_trust())  # not one more episode may fit
         return facts
-
-    @property
-    def _longest(self) -> int:
-        """The steps of the longest possible episode; of the longest so far without a limit."""
-        return self._problem.max_episode_steps or self._experience.longest
 
     def _go_on(self, generator: np.random.Generator) -> Figures:
         """Propose again or, when few steps are left, let the best meet once more."""
