@@ -1,5 +1,7 @@
 """Logs as machines write them: what is read, and what is asked for in one line."""
 
+import time
+
 import numpy as np
 import pytest
 
@@ -195,6 +197,24 @@ def test_a_time_that_is_none_or_goes_back_is_said(tmp_path, plant):
     german.write_text("t;action;x\n5;a;1\n4;a;2\n")
     with pytest.raises(FormatError, match="line 3: t goes back, to '4': sort the rows"):
         Demonstrations.from_csv(german, log=LogFormat(time="t"))
+
+
+@pytest.mark.parametrize("day", ["2026-03-29", "2026-10-25"])  # clocks change in Europe
+@pytest.mark.parametrize("zone", ["UTC", "CET-1CEST,M3.5.0,M10.5.0/3"])
+@pytest.mark.parametrize("form", ["", "%Y-%m-%d %H:%M"])
+def test_a_log_has_the_same_episodes_in_every_zone(tmp_path, monkeypatch, day, zone, form):
+    rows = [
+        f"{day} {hour:02}:{minute},{hour},{minute}\n" for hour in (1, 2, 3) for minute in (10, 40)
+    ]
+    path = tmp_path / "log.csv"
+    path.write_text("time,level,action\n" + "".join(rows))
+    with monkeypatch.context() as context:
+        context.setenv("TZ", zone)
+        time.tzset()
+        log = LogFormat(time="time", time_format=form, episode_gap=3600)
+        found = Demonstrations.from_csv(path, log=log)
+    time.tzset()
+    assert len(found.episodes) == 1
 
 
 def test_spans_and_units_are_read():

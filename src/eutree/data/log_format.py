@@ -2,7 +2,7 @@
 
 import re
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import UTC, datetime
 
 from eutree.errors import InvalidArgumentError
 from eutree.validation import check_number
@@ -59,17 +59,17 @@ class LogFormat:
             raise InvalidArgumentError("time must name the column that a gap is seen in, got ''")
 
     def seconds(self, text: str) -> float:
-        """Return the time in a cell of the column ``time``, in seconds.
+        """Return the time in a cell of the column ``time``, in seconds; without a zone it is UTC.
 
         Raises:
             InvalidArgumentError: The cell holds no time.
         """
         try:
-            if self.time_format:
-                return datetime.strptime(text.strip(), self.time_format).timestamp()
-            if is_quantity(text):
+            stamp, form = text.strip(), self.time_format
+            if not form and is_quantity(text):
                 return float(text)
-            return datetime.fromisoformat(text.strip()).timestamp()
+            moment = datetime.strptime(stamp, form) if form else datetime.fromisoformat(stamp)
+            return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
         except (ValueError, OverflowError, OSError):
             wanted = self.time_format or "seconds, or as 2026-03-01 14:05:00"
             fits = next((form for form in TIMES if _has_form(text, form)), TIMES[0])

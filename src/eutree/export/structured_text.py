@@ -25,10 +25,8 @@ def to_structured_text(policy: TreePolicy, *, name: str = "decide") -> str:
     """
     code.check_identifier("name", name, reserved=code.STRUCTURED_TEXT_WORDS)
     schema = policy.schema
-    reserved = code.STRUCTURED_TEXT_WORDS | {name.casefold()}
     computed = code.exported_features(policy)
-    if computed:
-        reserved |= _OWN
+    reserved = code.STRUCTURED_TEXT_WORDS | {name.casefold()} | (_OWN if computed else set())
     inputs = code.identifiers(schema.feature_names, reserved=reserved)
     lines = [
         f"(* A decision tree with {counted(policy.n_leaves, 'leaf')}"
