@@ -40,8 +40,12 @@ def allowed_in(episodes: "Iterable[Episode]") -> Booleans | None:
 
     None where nothing was masked.
     """
-    masks = [[None] * len(one) if one.allowed is None else one.allowed for one in episodes]
-    return masks_of([row for rows in masks for row in rows])
+    masks = [(episode.allowed, len(episode)) for episode in episodes]
+    known = next((rows for rows, _ in masks if rows is not None), None)
+    if known is None:
+        return None
+    every = np.ones((1, known.shape[1]), dtype=np.bool_)
+    return np.concatenate([every.repeat(n, 0) if rows is None else rows for rows, n in masks])
 
 
 @dataclass(frozen=True, eq=False)

@@ -142,6 +142,23 @@ def split_list(
 
 
 @compiled_later
+def one_step_targets(
+    rows: Integers,  # [n]
+    rewards: Floats,  # [N]
+    entered: Int32s,  # [N]
+    values: Floats,  # [L]
+    discount: float,
+    out: Floats,  # [n]
+) -> None:
+    """Write q = r + discount * V(L(o')) (Eq. 2, corrected); V of a terminal state is 0."""
+    for i in range(rows.size):
+        row = rows[i]
+        out[i] = rewards[row]
+        if entered[row] >= 0:
+            out[i] += discount * values[entered[row]]
+
+
+@compiled_later
 def lambda_targets(
     rows: Integers,  # [n]
     stored: StoredRows,

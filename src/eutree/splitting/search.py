@@ -8,6 +8,7 @@ the first cut wins. A leaf whose returns no legal cut tells apart (D = 0 everywh
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Literal, get_args
 
 import numpy as np
@@ -144,12 +145,20 @@ class KolmogorovSmirnov:
 
     def groups(self, sample: LeafSample) -> Iterator[tuple[int | None, Integers]]:
         """Yield (action, rows) of each sample that is tested by itself and large enough to cut."""
-        by_action = self.compare == "action"
-        for action in np.unique(sample.actions).tolist() if by_action else [None]:
-            mine = sample.actions == action if by_action else np.ones(sample.returns.size, np.bool_)
-            rows = np.flatnonzero(mine)
+        everything = np.arange(sample.returns.size, dtype=np.int64)
+        if self.compare != "action":
+            if everything.size >= 2 * self.min_side(everything.size):
+                yield None, everything
+            return
+        if everything.size == 0:
+            return
+        order = np.argsort(sample.actions, kind="stable")
+        taken = sample.actions[order]
+        begins = [0, *(np.flatnonzero(taken[1:] != taken[:-1]) + 1).tolist(), taken.size]
+        for begin, end in pairwise(begins):
+            action, rows = taken[begin], order[begin:end]
             if rows.size >= 2 * self.min_side(rows.size):
-                yield action, rows
+                yield int(action), rows
 
     def value(self, split: Split) -> float:
         """Return the number that ``best`` maximises: K, D or K / c(n), according to ``score``."""

@@ -115,7 +115,9 @@ class EvidentUTree(UTree):
         return replace(super().decisions(), statistics=statistics)
 
     def _split(self, leaf: int, split: Split) -> LeafSplit:
+        kept = self._prior[leaf]
         made = super()._split(leaf, split)
+        self._prior[[leaf, made.new_leaf]] = kept  # not the greedy one
         self._values = np.append(self._values, self._values[leaf])
         return made
 

@@ -345,7 +345,8 @@ class UTree:
 
     def _split(self, leaf: int, split: Split) -> LeafSplit:
         """Split ``leaf`` in all but the tree; relabel its transitions and recount just those."""
-        greedy = int(self.greedy_actions()[leaf])
+        known = self.mdp.action_values[leaf]  # as ``greedy_actions``, which looks at every leaf
+        greedy = int(self._prior[leaf] if np.isnan(known).all() else np.nanargmax(known))
         new_leaf = self.mdp.add_state(float(self.mdp.values[leaf]))
         moved = self.history.split(leaf, new_leaf, split.feature, split.threshold)
         actions = self.history.actions
