@@ -262,8 +262,7 @@ def _figures(evaluation: Evaluation) -> tuple[str, str]:
     """Return the figure of a policy and its interval: success, or else the return."""
     if evaluation.success_rate is None or evaluation.success_interval is None:
         return f"{evaluation.mean_return:.1f}", f"{evaluation.return_interval:.1f}"
-    percent = Interval(*(100 * end for end in evaluation.success_interval))
-    return _percent(evaluation.success_rate), f"{percent:.1f}"
+    return _percent(evaluation.success_rate), f"{evaluation.success_interval.percent:.1f}"
 
 
 def _stages(result: DemoResult) -> list[Headline]:
@@ -357,6 +356,6 @@ def _cells(evaluation: Evaluation, success: bool) -> list[str]:
         f"{evaluation.worst_return:.1f}; {evaluation.return_quantile_05:.1f}",
     ]
     if success and evaluation.success_interval is not None:
-        percent = Interval(*(100 * end for end in evaluation.success_interval))
+        percent = evaluation.success_interval.percent
         cells.append(f"{100 * (evaluation.success_rate or 0.0):.1f} % {percent:.1f}")
     return cells

@@ -37,6 +37,11 @@ class Interval(NamedTuple):
         """Return it in brackets, both ends in one format: ``[0.12, 0.56]``."""
         return f"[{self.low:{spec}}, {self.high:{spec}}]"
 
+    @property
+    def percent(self) -> "Interval":
+        """The interval of a share, in percent."""
+        return Interval(100 * self.low, 100 * self.high)
+
 
 @dataclass(frozen=True)
 class Estimate:
@@ -355,8 +360,8 @@ class Against:
         """Return it in words; ``name`` is the other policy's."""
         words = f"return {self.return_change:+.2f} {self.return_interval:.2f}"
         if self.success_change is not None and self.success_interval is not None:
-            percent = Interval(*(100 * end for end in self.success_interval))
-            words += f", success {100 * self.success_change:+.1f} % {percent:.1f}"
+            change = f"{100 * self.success_change:+.1f} % {self.success_interval.percent:.1f}"
+            words += f", success {change}"
         words += (
             f" against {name}: better in {self.better} of {counted(self.episodes, 'episode')}, "
             f"worse in {self.worse}"

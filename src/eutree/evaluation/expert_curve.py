@@ -76,7 +76,7 @@ class ExpertCurve:
                 f"Nothing can be said yet: the tree's accuracy, {self.points[-1].accuracy:.0%}, is "
                 f"not clearly above that of the most frequent action, {self.most_frequent:.0%}."
             )
-        low, high = (100 * end for end in self.gain_interval)
+        low, high = self.gain_interval.percent
         if self.gain < _POINT / 2 and self.gain_interval.high < _POINT:
             return (
                 f"More of the same will not help: {self.more} more episodes would likely gain "

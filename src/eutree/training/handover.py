@@ -69,12 +69,10 @@ class JudgedTree:
         """Return it in words, intervals in brackets."""
         success = ""
         if self.success_rate is not None and self.success_interval is not None:
-            low, high = self.success_interval
-            success = f"{self.success_rate:.1%} [{low:.1%}, {high:.1%}], "
-        low, high = self.return_interval
+            success = f"{self.success_rate:.1%} {self.success_interval:.1%}, "
         return (
             f"{counted(self.n_leaves, 'leaf')}, {success}return {self.mean_return:.1f} "
-            f"[{low:.1f}, {high:.1f}], worst {self.worst:.1f}"
+            f"{self.return_interval:.1f}, worst {self.worst:.1f}"
         )
 
 
@@ -152,9 +150,10 @@ class Judgement:
         if self.is_start:
             tried = f": {counted(self.challengers, 'challenger')} tried" if self.challengers else ""
             return f"nothing better than {start} was found{tried}"
-        words = f"return {_signed(self.return_change, self.return_interval, 1.0, '')}"
+        words = f"return {self.return_change:+.1f} {self.return_interval:.1f}"
         if self.success_change is not None and self.success_interval is not None:
-            words += f", success {_signed(self.success_change, self.success_interval, 100.0, ' %')}"
+            percent = self.success_interval.percent
+            words += f", success {100 * self.success_change:+.1f} % {percent:.1f}"
         words += f" against {start}, on {counted(self.episodes, 'episode')} of their own"
         return f"{words}, {self.condition}" if self.condition else words
 
@@ -201,11 +200,6 @@ def judged(
         learned=JudgedTree.of(learned, sizes[1]),
         condition=found.condition,
     )
-
-
-def _signed(value: float, interval: Interval, scale: float, unit: str) -> str:
-    low, high = (scale * end for end in interval)
-    return f"{scale * value:+.1f}{unit} [{low:.1f}, {high:.1f}]"
 
 
 CHEAP_STEPS, DEAR_STEPS = 100, 2  # of playing for each step of the run: side by side, one by one

@@ -317,8 +317,7 @@ def lead(
 def number_text(estimate: Estimate, *, signed: bool = False) -> str:
     """Return an estimate with its interval."""
     sign = "+" if signed else ""
-    low, high = estimate.interval
-    return f"{estimate.value:{sign}.2f} [{low:.2f}, {high:.2f}]"
+    return f"{estimate.value:{sign}.2f} {estimate.interval:.2f}"
 
 
 def verdicts(records: Iterable[FrameworkRecord]) -> list[Finding]:
