@@ -33,7 +33,6 @@ HOME = ROOT / "src" / "eutree" / "zoo"
 SIZES = (4, 8, 16, 32)
 CHOOSING, JUDGING = 5_000_000, 7_000_000  # seeds of the episodes that choose, and that judge
 EXTRAS = {"LunarLander-v3": "gymnasium[box2d]"}
-MODULES = {"Inventory-v0": "examples.inventory", "TwoTanks-v0": "examples.two_tanks"}
 FINALISTS = 3
 NOTHING = "is in [0, 1]"  # of a success: true of every tree
 
@@ -90,7 +89,7 @@ def card_of(row: dict[str, str], policy: eutree.TreePolicy, size: int, episodes:
         command=f"python benchmarks/table.py {task} --steps {row['steps']} "
         f"--leaves {row['leaves']} --first {row['seed']} --seeds 1",
         commit=row["commit"], date=date.today().isoformat(), extra=EXTRAS.get(task, ""),
-        module=MODULES.get(task, ""),
+        module=zoo.module_of(task),
         proven=proven(policy, task), file=f"{task.replace('/', '-')}-{size}.json",
     )  # fmt: skip
 

@@ -64,16 +64,18 @@ def test_set_settings_and_a_run_s_configuration_say_the_same(tmp_path):
     assert learned(tmp_path, "over", "--settings", config, "--set", "price=0.1") != by_set
 
 
+def line_of_run(tmp_path, environment, expert, entry):
+    """Return a short `learn` whose settings have an entry of `[run]`."""
+    file = tmp_path / "run.toml"
+    lines = ('method = "planning"', "[run]", f'expert = "{expert}"', "demonstrations = 2", entry)
+    file.write_text("\n".join(lines))
+    return ["learn", environment, "--settings", str(file), *SHORT, "--front-steps", "0"]
+
+
 def test_settings_may_say_how_an_environment_is_made(tmp_path):
     """`--settings zoo:Pendulum-v1`, whose actions have to be laid on a grid, was refused."""
-    file = tmp_path / "swing.toml"
-    file.write_text("""method = "planning"
-[run]
-expert = "swing"
-demonstrations = 2
-arguments = { action_grid = { "torque [N m]" = [-2.0, 0.0, 2.0] } }
-""")
-    line = ["learn", "Pendulum-v1", "--settings", str(file), *SHORT, "--front-steps", "0"]
+    grid = 'arguments = { action_grid = { "torque [N m]" = [-2.0, 0.0, 2.0] } }'
+    line = line_of_run(tmp_path, "Pendulum-v1", "swing", grid)
     assert run([*line, "--out", str(tmp_path / "a")]) == 0
     assert len(TreePolicy.load(tmp_path / "a" / "policy.json").schema.actions) == 3
     own = ["--action-grid", "torque [N m]=-2:2:5", "--out", str(tmp_path / "b")]
@@ -82,14 +84,9 @@ arguments = { action_grid = { "torque [N m]" = [-2.0, 0.0, 2.0] } }
 
 
 def test_settings_may_declare_derived_features(tmp_path):
-    file = tmp_path / "push.toml"
-    file.write_text("""method = "planning"
-[run]
-expert = "rock"
-demonstrations = 2
-derived = ["lean = position + velocity"]
-""")
-    line = ["learn", "MountainCar-v0", "--settings", str(file), *SHORT, "--front-steps", "0"]
+    line = line_of_run(
+        tmp_path, "MountainCar-v0", "rock", 'derived = ["lean = position + velocity"]'
+    )
     for more, names in (([], ["lean"]), (["--derive", "own = position * velocity"], ["own"])):
         assert run([*line, *more, "--out", str(tmp_path / names[0])]) == 0
         schema = TreePolicy.load(tmp_path / names[0] / "policy.json").schema

@@ -88,10 +88,13 @@ def test_an_unknown_tree_names_the_nearest() -> None:
 def test_a_task_of_the_examples_names_the_module_that_registers_it(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    for name in ("TwoTanks-v0", "Inventory-v0"):
+    for name in ("TwoTanks-v0", "Inventory-v0", "Cologne1-v0"):
         monkeypatch.delitem(gymnasium.registry, name, raising=False)
     tanks, stock = "--import examples.two_tanks", "--import examples.inventory"
     learn = ["learn", "--settings", "zoo:TwoTanks-v0", "--out", str(tmp_path / "run")]
+    light = ["learn", "--settings", "zoo:Cologne1-v0", "--out", str(tmp_path / "light")]
+    assert run(light) == 2
+    assert "--import examples.traffic_light registers" in capsys.readouterr().err
     for line in (["evaluate", "zoo:TwoTanks-v0"], ["prove", "zoo:TwoTanks-v0"], learn):
         assert run(line) == 2
         assert f"in a clone of it, {tanks}" in capsys.readouterr().err

@@ -24,6 +24,7 @@ from eutree.data import Demonstrations
 from eutree.errors import FileError, FormatError, InvalidArgumentError
 from eutree.files import Document, read_bytes, read_document, write_document
 from eutree.interaction.making import make
+from eutree.interaction.names import Names, given_names
 from eutree.recording import record
 from eutree.schema import EnvironmentSpec
 from eutree.zoo import settings_of, tasks
@@ -229,8 +230,6 @@ class RunSettings:
 
     def declare_derived(self, context: click.Context) -> None:
         """Declare its derived features for every environment that the command makes."""
-        from eutree.interaction.names import Names, given_names
-
         given = given_names()
         if self.derived and not (given and given.derived):
             give(context, Names(derived=tuple(self.derived)))

@@ -93,9 +93,8 @@ def _dask_client(address: str) -> Any:
     is_file = address.endswith(".json")
     end = time.monotonic() + PATIENCE
     try:
-        while (
-            is_file and not Path(address).exists()
-        ):  # a scheduler just started has yet to write it
+        # A scheduler that has just been started has yet to write its file.
+        while is_file and not Path(address).exists():
             if time.monotonic() > end:
                 raise TimeoutError("there is no such file")
             time.sleep(0.05)

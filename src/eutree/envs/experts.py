@@ -87,7 +87,8 @@ def all_experts() -> Mapping[str, Mapping[str, Expert]]:
     for point in entry_points(group=GROUP):
         try:
             for name, named in point.load().items():
-                every[name] = {**every.get(name, {}), **named, **every.get(name, {})}
+                known = every.get(name, {})
+                every[name] = {**known, **{k: v for k, v in named.items() if k not in known}}
         except (Exception, SystemExit) as error:  # a package of another author may raise anything
             warnings.warn(
                 f"experts {point.name!r}, {point.value}, cannot be imported: {error}", stacklevel=2

@@ -199,9 +199,8 @@ class Proposal:
     leaves: tuple[int, int]  # of C4.5's tree without it and with it
     # Share of the decisions in episodes left out that trees without it and with it make as shown
     agreement: tuple[float, float]
-    played: tuple[float, float] | None = (
-        None  # mean return without it and with it; None: not played
-    )
+    # Mean return without it and with it; None if neither was played
+    played: tuple[float, float] | None = None
     taken: bool = False  # whether the tree was fitted with it
 
     @property

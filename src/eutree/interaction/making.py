@@ -32,7 +32,7 @@ from eutree.interaction.decoding import DECODE, ONE_HOT, DecodedObservation, dec
 from eutree.interaction.names import Names, given_names, named
 from eutree.parallel import Workers
 from eutree.schema import EnvironmentSpec
-from eutree.zoo import PREFIX, cards
+from eutree.zoo import PREFIX, module_of
 
 _FOLDERS: "WeakKeyDictionary[gymnasium.Env[Any, Any], str]" = WeakKeyDictionary()
 
@@ -213,7 +213,7 @@ def _check_known(name: str) -> None:
     if name in gymnasium.registry:
         return
     versions = [k for k in gymnasium.registry if k.split("-v")[0] == name.split("-v")[0]]
-    if home := next((one.module for one in cards() if one.task == name), ""):
+    if home := module_of(name):
         raise InvalidArgumentError(
             f"{name} is an example of the repository: in a clone of it, --import {home} registers "
             f"it (in Python import {home})"

@@ -9,6 +9,7 @@ True
 """
 
 import json
+import tomllib
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -16,7 +17,9 @@ from pathlib import Path
 from eutree.errors import InvalidArgumentError, UnknownNameError, shown
 from eutree.policies import TreePolicy
 
-__all__ = ["PREFIX", "Card", "card", "cards", "load", "path_of", "settings_of", "tasks"]
+__all__ = [
+    "PREFIX", "Card", "card", "cards", "load", "module_of", "path_of", "settings_of", "tasks",
+]  # fmt: skip
 
 PREFIX = "zoo:"  # of a name where a file could stand as well
 _HOME = Path(__file__).parent
@@ -134,10 +137,20 @@ def settings_of(task: str) -> Path:
     """
     if not isinstance(task, str):
         raise InvalidArgumentError(f"task must be that of settings of the zoo, got {shown(task)}")
-    found = (_HOME / "settings").glob("*.toml")
-    # The name of a file has "-" where the id of eutree's own task has "/".
-    files = {file.stem.replace("eutree-", "eutree/"): file for file in found}
-    name = task.removeprefix(PREFIX)
+    name, files = task.removeprefix(PREFIX), _settings()
     if name not in files:
         raise UnknownNameError("task with settings", name, files)
     return files[name]
+
+
+def module_of(task: str) -> str:
+    """Return the example of the repository that registers a task; "" where none has to."""
+    file = _settings().get(task)
+    expert: str = "" if file is None else tomllib.loads(file.read_text())["run"]["expert"]
+    return expert.rpartition(":")[0]
+
+
+def _settings() -> dict[str, Path]:
+    """Return the files of settings by task; they have "-" where the ids of our tasks have "/"."""
+    found = (_HOME / "settings").glob("*.toml")
+    return {file.stem.replace("eutree-", "eutree/"): file for file in found}
