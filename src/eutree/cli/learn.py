@@ -232,14 +232,14 @@ def _teacher(name: str | None, steps: int | None, spec: EnvironmentSpec | None) 
     if spec is None:
         raise InvalidArgumentError("--teacher needs an environment to act in; leave out --offline")
     teaches = controller(name, "--teacher", spec)
-    if steps is None and in_zoo(name):
-        steps = card(name).steps
-    if steps is None and Path(name).exists():
-        raise InvalidArgumentError(
-            "--teacher-steps must say in how many steps the teacher was trained"
-        )
-    if steps is None and trained_steps(teaches) is None:
-        steps = 0  # written down, not trained
+    if steps is None:
+        if in_zoo(name):
+            steps = card(name).steps
+        elif Path(name).exists():
+            words = "--teacher-steps must say in how many steps the teacher was trained"
+            raise InvalidArgumentError(words)
+        elif trained_steps(teaches) is None:
+            steps = 0  # written down, not trained
     return Teacher(teaches, steps)
 
 

@@ -2,11 +2,15 @@
 
 import importlib
 import os
+import signal
 import sys
+import threading
 import traceback
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
+from functools import partial
 from importlib.metadata import entry_points
+from typing import Any
 
 import click
 
@@ -45,7 +49,6 @@ HOMES = {  # of several commands; the others have a module of their own
 }
 
 EXIT_MISTAKE = 2
-EXIT_INTERRUPTED = 130
 MAX_LINE = 1500  # characters of an error
 GROUP = "eutree.commands"  # entry points by which other distributions add theirs
 
@@ -147,6 +150,7 @@ def run(arguments: Sequence[str]) -> int:
     debug = "--debug" in arguments
     rest = [argument for argument in arguments if argument != "--debug"]
     wants_json = "--json" in rest and not {"-h", "--help", "--version"} & set(rest)
+    hook, sys.unraisablehook = sys.unraisablehook, partial(_again, sys.unraisablehook)
     try:
         with said_what_is_compiled(), kept_for_results() if wants_json else nullcontext():
             code = eutree.main(rest, prog_name="eutree", standalone_mode=False)
@@ -155,18 +159,26 @@ def run(arguments: Sequence[str]) -> int:
         return EXIT_MISTAKE
     except (click.exceptions.Abort, KeyboardInterrupt) as end:  # Abort is click's name for Ctrl-C
         click.echo("interrupted", err=True)
-        return _interrupted(end if isinstance(end, KeyboardInterrupt) else end.__cause__)
+        cause = end if isinstance(end, KeyboardInterrupt) else end.__cause__
+        # An interrupt says its signal unless it is Ctrl-C.
+        return 128 + (cause.args[0] if cause is not None and cause.args else signal.SIGINT)
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except Exception as error:
         return _report(error, debug=debug)
+    finally:
+        sys.unraisablehook = hook
     return code if isinstance(code, int) else 0
 
 
-def _interrupted(interrupt: BaseException | None) -> int:
-    """Return the exit code of an interrupt, which says its signal unless it is Ctrl-C."""
-    return 128 + interrupt.args[0] if interrupt is not None and interrupt.args else EXIT_INTERRUPTED
+def _again(hook: Callable[[Any], None], ignored: Any) -> None:
+    """Interrupt again, soon, where Ctrl-C fell into a callback of the compiler, which drops it."""
+    if isinstance(ignored.exc_value, KeyboardInterrupt):
+        main = threading.main_thread().ident
+        threading.Timer(0.1, signal.pthread_kill, (main, signal.SIGINT)).start()
+    else:
+        hook(ignored)
 
 
 def _report(error: Exception, *, debug: bool) -> int:

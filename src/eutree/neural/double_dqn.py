@@ -181,14 +181,8 @@ class DoubleDQN:
         self.n_rows = 0
         self._all = np.ones(n_actions, dtype=np.bool_)
         places, numbers = np.zeros((0, scaling.mean.size), np.float32), np.zeros(0, np.float32)
-        self._experience = StretchRows(
-            places,
-            np.zeros(0, np.int64),
-            numbers,
-            places,
-            numbers,
-            np.zeros((0, n_actions), np.bool_),
-        )
+        actions, masks = np.zeros(0, np.int64), np.zeros((0, n_actions), np.bool_)
+        self._experience = StretchRows(places, actions, numbers, places, numbers, masks)
 
     def add(
         self,
