@@ -16,11 +16,7 @@ RELEASE_8 = C45Settings()
 
 
 def relabelled(
-    observations: Floats,
-    actions: Integers,
-    n_actions: int,
-    *,
-    settings: C45Settings = RELEASE_8,
+    observations: Floats, actions: Integers, n_actions: int, *, settings: C45Settings = RELEASE_8
 ) -> Decisions:
     """Return the tree that C4.5 makes of observations and the actions chosen there.
 

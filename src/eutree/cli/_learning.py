@@ -6,14 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from eutree.cli._given import keep
-from eutree.cli._output import (
-    ProgressLine,
-    figures_of,
-    front_drawn,
-    progress,
-    runs_as_values,
-    say,
-)
+from eutree.cli._output import ProgressLine, figures_of, front_drawn, progress, runs_as_values, say
 from eutree.cli._policies import beside
 from eutree.display import counted
 from eutree.schema import EnvironmentSpec

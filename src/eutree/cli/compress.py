@@ -272,10 +272,7 @@ def _in_words(report: "CompressionReport", n_rows: int) -> str:
 
 
 def _where_trees_play(
-    policy: TreePolicy,
-    episodes: int,
-    n_jobs: int | None,
-    return_range: tuple[float, float] | None,
+    policy: TreePolicy, episodes: int, n_jobs: int | None, return_range: tuple[float, float] | None
 ) -> "tuple[RealEpisodes | None, str]":
     """Return where trees are played; or None, and why they are not."""
     from eutree.compression import RealEpisodes

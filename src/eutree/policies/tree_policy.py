@@ -19,12 +19,7 @@ from eutree.errors import InvalidArgumentError, blamed, shown
 from eutree.features import Derivation, FeatureMap
 from eutree.files import read_bytes, write_bytes
 from eutree.files.documents import MAX_DOCUMENT, decode_document
-from eutree.policies.document import (
-    PolicyDocument,
-    check_unchanged,
-    policy_parts,
-    policy_to_bytes,
-)
+from eutree.policies.document import PolicyDocument, check_unchanged, policy_parts, policy_to_bytes
 from eutree.policies.leaf_statistics import LeafStatistics, check_masks, orders_of
 from eutree.schema import EnvironmentSpec, Schema
 from eutree.trees import DecisionTree

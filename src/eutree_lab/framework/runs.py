@@ -213,11 +213,7 @@ class FrameworkRecord(Document, frozen=True, kw_only=True):
 
 
 def specs(
-    *,
-    runs: int,
-    methods: tuple[str, ...] = TAUGHT,
-    first_seed: int = 0,
-    smoke: bool = False,
+    *, runs: int, methods: tuple[str, ...] = TAUGHT, first_seed: int = 0, smoke: bool = False
 ) -> list[FrameworkSpec]:
     """Return all runs: of every seed those of the main question first, then the other arms.
 

@@ -298,12 +298,7 @@ def _holds(expectation: Expectation, estimate: Estimate) -> str:
 
 
 def lead(
-    runs: Runs,
-    tasks: Sequence[str],
-    method: str,
-    first: Arm,
-    second: Arm,
-    seeds: Sequence[int],
+    runs: Runs, tasks: Sequence[str], method: str, first: Arm, second: Arm, seeds: Sequence[int]
 ) -> Estimate:
     """Return the difference of two arms' mean scores along the curve, over tasks, by seed."""
 

@@ -115,13 +115,7 @@ def _times(
 
 
 def close_to(
-    name: str,
-    sentence: str,
-    *,
-    number: float,
-    estimate: Estimate,
-    tolerance: float,
-    unit: str = "",
+    name: str, sentence: str, *, number: float, estimate: Estimate, tolerance: float, unit: str = ""
 ) -> Claim:
     """Return the claim that the true value is the paper's number, give or take ``tolerance``."""
     return judged(

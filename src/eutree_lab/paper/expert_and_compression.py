@@ -65,10 +65,7 @@ def judge_compression(records: Records) -> list[Claim]:
 
 
 EXPERT = Experiment(
-    id="expert",
-    title="The expert tree in its own domain",
-    specs=expert_specs,
-    judge=judge_expert,
+    id="expert", title="The expert tree in its own domain", specs=expert_specs, judge=judge_expert
 )
 COMPRESSION = Experiment(
     id="compression",

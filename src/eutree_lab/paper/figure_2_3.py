@@ -110,11 +110,7 @@ def learning_curve(axes: "Axes", runs: list[RunRecord], name: str) -> None:
 
 def _experiment(name: str, opponents: int, title: str) -> Experiment:
     return Experiment(
-        id=name,
-        title=title,
-        specs=partial(specs, opponents),
-        judge=partial(judge, name),
-        draw=draw,
+        id=name, title=title, specs=partial(specs, opponents), judge=partial(judge, name), draw=draw
     )
 
 

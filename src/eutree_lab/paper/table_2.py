@@ -49,11 +49,7 @@ def judge(records: Records) -> list[Claim]:
         _states([record.final for record in groups["c-u-tree"]]),
         _states([record.final for record in groups["eu-tree"]]),
     )
-    return [
-        *claims,
-        *_orders(rows),
-        claimed("table-2/far-more-states-at-the-end", at_the_end),
-    ]
+    return [*claims, *_orders(rows), claimed("table-2/far-more-states-at-the-end", at_the_end)]
 
 
 def _states(row: list[Performance]) -> Integers:

@@ -25,14 +25,7 @@ from numpy.typing import ArrayLike
 from eutree.arrays import Floats, Integers
 from eutree.data import Episode
 from eutree.learners import Decisions, History, Needs, Part, Problem, Start, Step, Stored, Update
-from eutree.learners.declared import (
-    LOCKED_PART,
-    MOST,
-    Found,
-    arrays_of,
-    history_parts,
-    tree_part,
-)
+from eutree.learners.declared import LOCKED_PART, MOST, Found, arrays_of, history_parts, tree_part
 from eutree.learners.episode_buffer import EpisodeBuffer, store, store_demonstrations
 from eutree.learners.history import TERMINAL
 from eutree.learners.learner import Arrays, MethodOfParts

@@ -18,14 +18,7 @@ from numpy.typing import ArrayLike
 from eutree.arrays import Floats, Integers
 from eutree.errors import InvalidArgumentError
 from eutree.learners import Decisions, History, Needs, Part, Problem, Start, Step, Stored, Update
-from eutree.learners.declared import (
-    TREE_PART,
-    Found,
-    arrays_of,
-    give_back,
-    history_parts,
-    tree_of,
-)
+from eutree.learners.declared import TREE_PART, Found, arrays_of, give_back, history_parts, tree_of
 from eutree.learners.episode_buffer import (
     EpisodeBuffer,
     store,

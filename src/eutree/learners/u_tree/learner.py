@@ -41,12 +41,7 @@ from eutree.learners.learner import (
     Step,
     Update,
 )
-from eutree.learners.u_tree.leaves import (
-    LeafEpisode,
-    LeafSteps,
-    OneStep,
-    Target,
-)
+from eutree.learners.u_tree.leaves import LeafEpisode, LeafSteps, OneStep, Target
 from eutree.mdp import TabularMDP, TransitionCounts
 from eutree.policies.leaf_statistics import leaf_statistics
 from eutree.splitting import KolmogorovSmirnov, LeafSample, Naive, SignificanceTest, Split
