@@ -214,8 +214,8 @@ class DoubleDQN:
         if end > self._experience.actions.size:
             room = max(end, 2 * self.n_rows)
             self._experience = StretchRows._make(grown(column, room) for column in self._experience)
-        for column, new_rows in zip(self._experience, rows, strict=True):
-            column[self.n_rows : end] = new_rows
+        for name in StretchRows._fields:
+            getattr(self._experience, name)[self.n_rows : end] = getattr(rows, name)
         self.n_rows = end
 
     def update(self, n: int, generator: np.random.Generator) -> None:
