@@ -1,7 +1,7 @@
 # eutree: `make demo` and `make test` install everything they need into .venv, then run.
 #
 #   make demo      demonstrations, training, evaluation, compression, export and a report
-#   make test      the tests (5:54 in 3 processes on two quiet cores, kernels compiled before)
+#   make test      the tests (5:54 to 6:45 in 3 processes on two cores, kernels compiled before)
 #   make test-all  the tests with the slow ones
 #   make check     format, lint, types, import contracts, documentation
 #   make docs      the documentation, into docs/_build/html
