@@ -7,23 +7,31 @@ step. Annealed first, changes that cost something are kept too, fewer and fewer 
 
 Such a search stays where all changes cost something. Other trees have earned as much in between, or
 more in some episodes; a tree that C4.5 grows from the episodes that earned most is somewhere else.
+
+Cut far down, a tree loses what only many leaves together do, and no small change finds it again.
+So several are annealed *together* while the limit of leaves falls, and take over branches of each
+other (crossover, as in the genetic programming of Koza 1992).
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from eutree.arrays import Integers
 from eutree.c45 import C45Settings, grow
+from eutree.policy_search.improvement import Improvement
 from eutree.policy_search.variation import Variation
 from eutree.world_model import ActionTree, Transitions
 from eutree.world_model.action_trees import from_decision_tree, n_leaves
-from eutree.world_model.rollouts import Rollouts
+from eutree.world_model.rollouts import PairedRollouts, Rollouts
 
 TRIES = 1000
 DRAWN = 4  # times that all chance of the rollouts is drawn again: one may be climbed on too long
 ANNEALED = 4000  # changes tried
 HOT = 0.02  # share of a typical return that a change may cost at first, about
+HOT_LEAVES = 0.4  # such a share of those annealed together, times the leaves allowed
+FALL = 0.6  # share of their changes in which the limit of leaves falls
 MOST_ROWS = 20_000  # that a tree is grown from
 BEST = 0.75  # quantile of the returns
 
@@ -39,7 +47,7 @@ def climbed(
         rollouts.redraw()
         rollouts.run(policy)
         for _ in range(TRIES // DRAWN):
-            _try(rollouts, variation, price, 0.0)
+            _try(rollouts, variation.of(rollouts.policy, rollouts.observations), price, 0.0)
         policy = rollouts.policy
     return policy
 
@@ -56,16 +64,46 @@ def annealed(
     best, worth, most = policy, 0.0, 0.0
     for k in range(ANNEALED):
         temperature = HOT * scale * (1.0 - k / ANNEALED) ** 3
-        gain = _try(rollouts, variation, price, temperature)
+        challenger = variation.of(rollouts.policy, rollouts.observations)
+        gain = _try(rollouts, challenger, price, temperature)
         worth += gain
         if gain and worth > most:
             best, most = rollouts.policy, worth
     return best
 
 
-def _try(rollouts: Rollouts, variation: Variation, price: float, temperature: float) -> float:
-    """Change the policy of the rollouts if that pays or luck allows; return its gain."""
-    challenger = variation.of(rollouts.policy, rollouts.observations)
+def annealed_together(
+    rollouts: Sequence[PairedRollouts], improvement: Improvement, *, scale: float, changes: int
+) -> list[ActionTree]:
+    """Return the best of what each of some larger policies became, at most ``max_leaves`` in size.
+
+    Args:
+        rollouts: Those of each policy, which they have run; few are enough.
+        improvement: The price of a leaf, and how many are allowed.
+        scale: A typical size of returns.
+        changes: How many each of them tries.
+    """
+    generator, allowed = rollouts[0].generator, improvement.max_leaves
+    spare = max(n_leaves(one.policy) for one in rollouts) - allowed
+    price, best = improvement.price * scale, [(-np.inf, one.policy) for one in rollouts]
+    for k in range(changes):
+        limit = allowed + max(0, spare - int((spare + 1) * k / (FALL * changes)))
+        variation = Variation(rollouts[0].n_actions, limit, generator)
+        temperature = HOT_LEAVES / allowed * scale * (1.0 - k / changes) ** 3
+        for i, one in enumerate(rollouts):
+            if n_leaves(one.policy) > limit:
+                replace(improvement, max_leaves=limit).cut(one)
+            mate = rollouts[int(generator.integers(len(rollouts)))].policy
+            _try(one, variation.of(one.policy, one.observations, mate), price, temperature)
+            if limit == allowed and one.mean_return > best[i][0]:
+                best[i] = one.mean_return, one.policy
+    return [policy for _, policy in best]
+
+
+def _try(
+    rollouts: Rollouts, challenger: ActionTree | None, price: float, temperature: float
+) -> float:
+    """Let a challenger replace the policy if that pays or luck allows; return its gain."""
     if challenger is None:
         return 0.0
     needed = price * (n_leaves(challenger) - n_leaves(rollouts.policy))

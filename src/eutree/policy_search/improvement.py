@@ -94,7 +94,7 @@ class Improvement:
         rollouts.redraw()
         rollouts.run(policy)
         for cycle in range(CYCLES):
-            self._cut(rollouts)
+            self.cut(rollouts)
             policy = self.improve(rollouts, rollouts.policy, scale)
             yield policy
             if cycle + 1 < CYCLES:
@@ -102,7 +102,7 @@ class Improvement:
                 rollouts.redraw()
                 rollouts.run(rollouts.policy)
 
-    def _cut(self, rollouts: Rollouts) -> None:
+    def cut(self, rollouts: Rollouts) -> None:
         """Cut the policy to size: the node first by which least is lost, thresholds moved after."""
         while n_leaves(rollouts.policy) > self.max_leaves:
             policy = rollouts.policy

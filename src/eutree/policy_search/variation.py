@@ -10,6 +10,7 @@ from eutree.world_model.action_trees import n_leaves, nested, packed, with_box, 
 
 SHIFTS = (0.015, 0.05, 0.15, 0.45)  # of the visited observations that change sides, at most
 MORE = 0.4  # chance of one more change
+GRAFTED = 0.1  # chance that a branch of a mate is taken over
 BOX_ROWS = 300  # looked at for the other edges of a box
 
 
@@ -27,18 +28,25 @@ class Variation:
             self._replace_subtrees,
         )
 
-    def of(self, tree: ActionTree, visited: Floats) -> ActionTree | None:
+    def of(
+        self, tree: ActionTree, visited: Floats, mate: ActionTree | None = None
+    ) -> ActionTree | None:
         """Return a variant; None if it came out too large or too small.
 
         Args:
             tree: The policy.
             visited: Observations of its episodes, shape [K, d].
+            mate: Another policy, of which a branch may be taken over.
         """
-        while True:
+        changed = mate is not None and self._generator.random() < GRAFTED
+        if mate is not None and changed:
+            node, source = (self._generator.integers(one.feature.size) for one in (tree, mate))
+            tree = packed(nested(tree, instead={int(node): nested(mate, int(source))}))
+        while not changed or self._generator.random() < MORE:
             way = self._generator.choice(4, p=(0.4, 0.1, 0.3, 0.2))
             tree = packed(nested(self._ways[way](tree, visited)))
-            if self._generator.random() >= MORE:
-                return tree if 2 <= n_leaves(tree) <= self._max_leaves else None
+            changed = True
+        return tree if 2 <= n_leaves(tree) <= self._max_leaves else None
 
     def _perturb_thresholds(self, tree: ActionTree, visited: Floats) -> ActionTree:
         inner = np.flatnonzero(tree.feature >= 0)

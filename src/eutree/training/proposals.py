@@ -7,6 +7,7 @@ proposes prunings; and of several random changes the one is proposed that record
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import cycle
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from eutree.compression.smaller_trees import Costs, Ladder, with_locks
 from eutree.contests.rules import OBVIOUS, Lead
 from eutree.data import Episode
 from eutree.policies import TreePolicy
-from eutree.policy_search.climbing import annealed, climbed, restarts
+from eutree.policy_search.climbing import annealed, annealed_together, climbed, restarts
 from eutree.policy_search.improvement import Improvement
 from eutree.policy_search.planner import FEWEST_ROLLOUTS
 from eutree.policy_search.variation import Variation
@@ -93,6 +94,10 @@ ROWS_PER_LEAF = 100  # of a detailed model
 DEARER = (1.0, 6.0)  # prices of a leaf at which each model proposes
 LARGER = 2  # times the leaves allowed that a tree of good episodes has at most, before it is cut
 ROUGH = 5  # times fewer rollouts are enough to anneal
+TOGETHER, KEPT = 20, 4  # trees annealed together, and how many of them are proposed
+SPARE = 10  # leaves above those allowed with which they begin
+HERDED = 300  # rollouts that judge their changes, at most
+CHANGES, CHANGED_STEPS = 4000, 500_000_000  # of each, and their steps in the world model, at most
 MOST_RUNGS = 12  # prunings that race
 MOST_KNOWN = 50_000  # transitions that models are fitted to
 RECENT = 300  # episodes whose advantages are known
@@ -251,15 +256,38 @@ class Proposals:
             own: Real episodes of it.
             episodes: All episodes run so far.
         """
-        missed = [(self._missed(one, policy, own).mean(), one) for one in self._models(episodes)]
-        model = min(missed, key=lambda item: item[0])[1]
-        rollouts = self._rollouts(model)
+        rollouts = self._rollouts(self._closest(policy, own, episodes))
         yield from self._changed(rollouts, from_decision_tree(policy.tree, policy.actions))
         known = self._data.followed_by(episodes)
         for start in restarts(known, max_leaves=LARGER * self.max_leaves):
             cut = next(self._improvement.shrunk(rollouts, start, self._scale))
             yield self._policy_of(cut)
             yield from self._changed(rollouts, cut)
+
+    def cut_together(
+        self, policy: TreePolicy, own: Sequence[Episode], episodes: Sequence[Episode]
+    ) -> Iterator[TreePolicy]:
+        """Yield the best of what a larger policy and trees of good episodes become together.
+
+        Arguments are those of ``climbed``.
+        """
+        rollouts = self._rollouts(self._closest(policy, own, episodes))
+        larger = replace(self._improvement, max_leaves=self.max_leaves + SPARE)
+        known = self._data.followed_by(episodes)
+        grown = restarts(known, max_leaves=LARGER * self.max_leaves)
+        starts = [from_decision_tree(policy.tree, policy.actions), *grown]
+        trees = [next(larger.shrunk(rollouts, one, self._scale)) for one in starts]
+        few = min(HERDED, max(rollouts.n_episodes // ROUGH, FEWEST_ROLLOUTS))
+        herd = [PairedRollouts(rollouts.model, few, 1.0, self._generator) for _ in range(TOGETHER)]
+        for one, tree in zip(herd, cycle(trees), strict=False):
+            one.run(tree)
+        steps = sum(one.n_steps for one in herd)
+        changes = min(CHANGES, self._settings.steps // 4, CHANGED_STEPS // steps)
+        found = annealed_together(herd, self._improvement, scale=self._scale, changes=changes)
+        rollouts.redraw()
+        rollouts.run(trees[0])
+        gains = [rollouts.gain(tree).mean for tree in found]
+        yield from (self._policy_of(found[k]) for k in np.argsort(gains)[-KEPT:])
 
     def _changed(self, rollouts: PairedRollouts, tree: ActionTree) -> Iterator[TreePolicy]:
         """Yield a tree once it is annealed, and once that has climbed."""
@@ -341,6 +369,13 @@ class Proposals:
             there.run(tree)
             missed.append(abs(episode.undiscounted_return - there.mean_return))
         return np.array(missed)
+
+    def _closest(
+        self, policy: TreePolicy, own: Sequence[Episode], episodes: Sequence[Episode]
+    ) -> WorldModel:
+        """Return the model that misses a policy's real episodes least."""
+        missed = [(self._missed(one, policy, own).mean(), one) for one in self._models(episodes)]
+        return min(missed, key=lambda item: item[0])[1]
 
     def _models(self, episodes: Sequence[Episode]) -> Iterator[WorldModel]:
         """Yield the world models that propose."""

@@ -212,13 +212,17 @@ class PolicySearch:
         """Find smaller trees if the policy is too large."""
         policy = with_locks(merged(self._start), self._start)
         here = replace(state, stage="propose", incumbent=policy)
-        if policy.n_leaves > self._max_leaves:
-            challengers = self._proposals.pruned(policy)
-            if policy.n_leaves <= MOST_LEAVES:
-                challengers = [*self._proposals.planned(policy, self.raced.all), *challengers]
-            return self._with_challengers(here, "cut", challengers, 2 * ROUND_SHARE)
-        yield from ()
-        return here
+        if policy.n_leaves <= self._max_leaves:
+            return here
+        challengers = self._proposals.pruned(policy)
+        if policy.n_leaves <= MOST_LEAVES:
+            challengers = [*self._proposals.planned(policy, self.raced.all), *challengers]
+            n = self._knowing(int(2 * ROUND_SHARE * self._settings.steps))
+            here = here.on_new_starts("propose", self._settings.steps)
+            own = yield from self.raced.of(policy, range(n), here.starts)
+            if own is not None:
+                challengers += self._proposals.cut_together(policy, own, self.raced.all)
+        return self._with_challengers(here, "cut", challengers, 2 * ROUND_SHARE)
 
     def _cut(self, state: SearchState) -> Running[SearchState]:
         """Take the winner of the smaller trees, whatever it earns."""
@@ -324,9 +328,7 @@ class PolicySearch:
         trees, length = state.challengers, self.raced.longest
         guesses: tuple[float, ...] = ()
         most = MOST_OF_CLIMBED if state.climbs else MOST_EPISODES
-        n = KNOWING * (state.limit - self.raced.steps) // self.raced.longest
-        n = int(np.clip(n, 2, MOST_KNOWING))
-        own = None
+        n, own = self._knowing(state.limit - self.raced.steps), None
         if len(trees) > PROMISING:
             own = yield from self.raced.of(state.incumbent, range(n), state.starts)
         if own is not None:
@@ -340,6 +342,10 @@ class PolicySearch:
         rule = Halving(first=first, most=most, prices=prices, guesses=guesses)
         verdict = yield from self.raced.hold(rule, state.starts, trees)
         return trees[verdict.winner]
+
+    def _knowing(self, steps: int) -> int:
+        """Return how many episodes of a race of so many steps tell which model to believe."""
+        return int(np.clip(KNOWING * steps // self.raced.longest, 2, MOST_KNOWING))
 
     def _better(
         self, state: SearchState, challenger: TreePolicy, *, errors: float
