@@ -256,3 +256,18 @@ def test_a_log_of_one_episode_is_imported_and_one_of_one_row_is_not(eutree):
     log.write_text("x,heater\n20,on\n")
     answer = eutree(*line, "--one-episode")
     assert (answer.code, "holds no transition" in answer.err) == (2, True)
+
+
+def test_export_overwrites_its_own_tables_and_no_log(folder, ask, tmp_path):
+    log = tmp_path / "log.csv"
+    ask("export", folder, log)
+    ask("export", folder, log)  # again, where it was
+    log.write_text("time,level,valve\n0,1.5,open\n")
+    before = log.read_bytes()
+    assert f"TARGET must be no log of another program, got {log}" in ask(
+        "export", folder, log, code=2
+    )
+    assert log.read_bytes() == before
+    log.write_text("")
+    ask("export", folder, log)
+    assert log.read_bytes()

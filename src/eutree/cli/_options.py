@@ -1,8 +1,9 @@
 """The base of every command: options that several share, and help in one screen.
 
-A command declares its input files as ``click.Path`` and its output files as ``Written``. Before it
-begins, each output is compared with each input: a command never writes over its input.
-``--help-all`` shows every option in its group.
+A command declares its input files as ``click.Path`` and its output files as ``Written``; an input
+may also be the file of a module that is named. Before the command begins, each output is compared
+with each input: a command never writes over its input. ``--help-all`` shows every option in its
+group.
 """
 
 import importlib
@@ -43,11 +44,15 @@ _SHARED: Mapping[str, Sequence[str]] = {
     "Several processes": ("n_jobs", "backend", "address"),
     "Everywhere": ("seed", "as_json", "help_all", "help"),
 }
-# The files of a run and of demonstrations; any other file in their folders may be overwritten.
+# The files of a run, of several, of demonstrations and of a study; any other file in their folders
+# may be overwritten.
 PARTS = re.compile(
-    r"(config|command|policy|learned|expert|demonstrations)\.json|checkpoint\.npz|(curve|progress|runs)\.csv"
-    r"|(events|answers)\.jsonl|episode-\d+\.(npz|journal)"
+    r"(runs/\d+/)?((config|command|policy|learned|expert|demonstrations)\.json|checkpoint\.npz"
+    r"|(curve|progress|runs)\.csv|(events|answers)\.jsonl|episode-\d+\.(npz|journal)|study\.toml)"
 )
+_FRONT = re.compile(r"(start|\d+)\.json")  # what --front writes to its folder
+# Parameters that name a file or something in a module, and those that name a module or a part
+_NAMED, _IMPORTED = {"expert", "teacher", "against", "derive"}, {"import", "environment", "method"}
 _Command = TypeVar("_Command", bound=Callable[..., Any])
 # In click's context: one option tells another.
 _DECODE = "eutree.decode"
@@ -184,7 +189,8 @@ def check_outputs(command: click.Command, given: dict[str, Any]) -> None:
         if given.get("resume") and os.path.isdir(target):
             continue  # a run goes on in the folder whose files it was started with
         for name, source in inputs:
-            if os.path.exists(source) and _overwrites(target, source):
+            parts = _FRONT if output == "--front" else PARTS
+            if os.path.exists(source) and _overwrites(target, source, parts):
                 raise InvalidArgumentError(
                     f"{output} must be another place than {name}, {source}, which it would "
                     f"overwrite; got {target}"
@@ -196,25 +202,40 @@ def _paths(
 ) -> Iterator[tuple[str, str]]:
     """Yield name and path of each input, or of each output, of a command."""
     for parameter in command.params:
-        kind = parameter.type
-        if not isinstance(kind, click.Path) or isinstance(kind, Written) != written:
+        if isinstance(parameter.type, Written) != written:
             continue
         values = given.get(str(parameter.name)) or parameter.default
         is_option = isinstance(parameter, click.Option)
         name = parameter.opts[-1] if is_option else str(parameter.name).upper()
         for value in values if isinstance(values, list | tuple) else [values]:
             if isinstance(value, str):
-                yield name, value
+                yield from ((name, file) for file in _files_of(parameter, value))
 
 
-def _overwrites(target: str, source: str) -> bool:
-    """Return whether writing a file or a folder would change one that exists."""
-    target, source = os.path.realpath(target), os.path.realpath(source)
-    if target == source or (os.path.exists(target) and os.path.samefile(target, source)):
-        return True
-    inner, outer = (source, target) if os.path.isdir(target) else (target, source)
-    folder, name = os.path.split(inner)
-    return folder == outer and PARTS.fullmatch(name) is not None
+def _files_of(parameter: click.Parameter, text: str) -> Iterator[str]:
+    """Yield the files that the text of a parameter may mean: its own, and that of a module."""
+    if isinstance(parameter.type, click.Path) or parameter.name in _NAMED:
+        yield text
+    module = text if parameter.name == "import" else text.rpartition(":")[0]
+    if module and parameter.name in _NAMED | _IMPORTED:
+        if module.endswith(".py"):
+            yield module
+        for folder in ("", *sys.path):
+            file = os.path.join(folder, *module.split("."))
+            yield from (f"{file}.py", os.path.join(file, "__init__.py"))
+
+
+def _overwrites(target: str, source: str, parts: re.Pattern[str]) -> bool:
+    """Return whether writing a file, or these parts of a folder, would change a source."""
+    part = os.path.relpath(os.path.realpath(target), os.path.realpath(source)).replace(os.sep, "/")
+    return bool(PARTS.fullmatch(part) or _held(target, parts) & _held(source, PARTS))
+
+
+def _held(place: str, parts: re.Pattern[str]) -> set[tuple[int, int]]:
+    """Return the identity of a file, or of a folder and such parts in it; links are followed."""
+    inside = os.listdir(place) if os.path.isdir(place) else []
+    files = [place, *(os.path.join(place, name) for name in inside if parts.fullmatch(name))]
+    return {(at.st_dev, at.st_ino) for at in map(os.stat, filter(os.path.exists, files))}
 
 
 class _Count(click.IntRange):

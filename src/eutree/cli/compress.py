@@ -91,7 +91,7 @@ _FIGURES = """
               "step, as its multiples: 0.1 for all features, room=0.1 for one. May be "
               "repeated.")  # fmt: skip
 @against_option
-@option.path("--front", text="Folder to write the best tree of each size to.")
+@option.output("--front", text="Folder to write the best tree of each size to.")
 @workers_options("the episodes of evaluations, where they take more than a few seconds")
 @option.monotone
 @option.environment

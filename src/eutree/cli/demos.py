@@ -11,11 +11,12 @@ from eutree.cli import _options as option
 from eutree.cli._output import Result, figures_of
 from eutree.cli.fit import hurting
 from eutree.data import DemonstrationFolder, Demonstrations, Episode, LogFormat
+from eutree.data.csv_files import KNOWN, MAX_CSV
 from eutree.data.episode import DROPPED
 from eutree.data.log_format import seconds_of
 from eutree.display import counted
 from eutree.errors import InvalidArgumentError
-from eutree.files import check_writable, write_text
+from eutree.files import check_writable, read_bytes, write_text
 from eutree.interaction import GuardedEnv
 from eutree.interaction.episode import environment_for
 from eutree.interaction.episode import replay as replay_all
@@ -318,6 +319,9 @@ def export(folder: Path, target: str) -> Result:
     it is registered, by Gymnasium itself or by the module of --import.
     """
     kind = _kind("TARGET", target)
+    there = read_bytes(target, limit=MAX_CSV) if kind == "csv" and Path(target).is_file() else b""
+    if there and not there.startswith(",".join(KNOWN).encode()):
+        raise InvalidArgumentError(f"TARGET must be no log of another program, got {target}")
     demonstrations, _ = _all_of(folder)
     write = {"minari": demonstrations.to_minari, "csv": demonstrations.to_csv}
     write.get(kind, demonstrations.to_npz)(target.removeprefix("minari:"))
