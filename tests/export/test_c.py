@@ -2,6 +2,7 @@
 
 import re
 import subprocess
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,9 +13,17 @@ from hypothesis import strategies as st
 
 from eutree.errors import InvalidArgumentError, UnknownNameError
 from eutree.export import to_c, to_c_header, to_c_test
-from eutree.export._c_numbers import float_below, hexadecimal, in_integers, largest_integer, numbers
+from eutree.export._c_numbers import (
+    Number,
+    float_below,
+    hexadecimal,
+    in_integers,
+    largest_integer,
+    numbers,
+)
 from eutree.export.c import meant, stored_probes
-from eutree.schema import Feature, Schema
+from eutree.policies import TreePolicy
+from eutree.schema import Control, Feature, Schema
 from tests.export.policies import EVASION, NASTY, chain, policy_of, tree
 from tests.export.readers import C_FLAGS, c_decide, compiled_c
 from tests.export.tools import need
@@ -186,6 +195,28 @@ def test_thresholds_at_the_ends_of_int32(tmp_path: Path) -> None:
     observations = np.array([[-(2**31)], [-(2**31) + 1], [2**31 - 2], [2**31 - 1]], np.int32)
     decided = c_decide(compiled_c(source, tmp_path), np.int32)(observations)
     assert decided == [0, 2, 2, 1]
+
+
+@pytest.mark.parametrize("number", ["float", "int32"])
+@pytest.mark.parametrize("write", [to_c, to_c_header, to_c_test])
+def test_levels_beyond_float_need_doubles(write: Callable[..., str], number: Number) -> None:
+    def setting(level: float) -> TreePolicy:
+        controls = (Control("valve", "%", (0.0, level)),)
+        return policy_of(tree(2, 1), replace(Schema.anonymous(1, 2), controls=controls))
+
+    scale = {"scale": 1.0} if number == "int32" else {}
+    wanted = rf"number must be double for levels .*, 1e\+39, got '{number}'"
+    with pytest.raises(InvalidArgumentError, match=wanted):
+        write(setting(-1e39), number=number, **scale)
+    assert write(setting(-1e39), number="double")
+    assert write(setting(3.4028235e38), number=number, **scale)  # rounded down to the largest float
+
+
+@pytest.mark.parametrize("threshold", [3.4028235e38, -3.4028235e38, 1e39])
+def test_the_largest_float_is_tested(threshold: float) -> None:
+    """Its neighbour is infinity, which is no fault to warn of."""
+    policy = policy_of(tree(1, 1).split(0, 0, threshold))
+    assert "INFINITY" in to_c_test(policy, number="float")
 
 
 def test_thresholds_beyond_float(tmp_path: Path) -> None:

@@ -29,6 +29,7 @@ Scale = float | Mapping[str, float] | None
 C_TYPES: Mapping[str, str] = {"double": "double", "float": "float", "int32": "int32_t"}
 _LOWEST, _HIGHEST = -(2**31), 2**31 - 1
 _LARGEST_FLOAT = float(np.finfo(np.float32).max)
+_BEYOND_FLOAT = 2.0**128 - 2.0**103  # the smallest number that would be rounded to infinity
 
 
 @dataclass(frozen=True)
@@ -75,6 +76,11 @@ class Numbers:
 def numbers(policy: TreePolicy, number: Number, scale: Scale) -> Numbers:
     """Check the choice of a number type and return it with the scale of each feature."""
     check_choice("number", number, C_TYPES)
+    levels = (abs(level) for control in policy.schema.controls for level in control.levels)
+    if number != "double" and (largest := max(levels, default=0.0)) >= _BEYOND_FLOAT:
+        raise InvalidArgumentError(
+            f"number must be double for levels beyond single precision, {largest!r}, got {number!r}"
+        )
     if number != "int32":
         if scale is not None:
             raise InvalidArgumentError(

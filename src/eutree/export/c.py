@@ -412,7 +412,7 @@ def stored_probes(policy: TreePolicy, kind: Numbers, *, n_random: int = 0, seed:
     if kind.number == "float":
         with np.errstate(over="ignore"):
             near = exact.astype(np.float32)
-        ulps = [np.nextafter(near, np.float32(side)) for side in (-np.inf, np.inf)]
+            ulps = [np.nextafter(near, np.float32(side)) for side in (-np.inf, np.inf)]
         return np.unique(np.concatenate([near, *ulps]), axis=0).astype(np.float64)
     if policy.schema.derived:
         with np.errstate(over="ignore"):
