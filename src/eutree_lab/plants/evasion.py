@@ -67,11 +67,11 @@ class Evasion(Plant):
             name, payoffs, least = "mean_return", self._rewards, asked.least
         bounds, chain = self._bounds(policy, payoffs, least, refinements)
         best = self._best(payoffs)
-        verdict = UNDECIDED
-        if least is None or bounds[0] >= least:
-            verdict = PROVEN
-        elif bounds[1] < least:
-            verdict = REFUTED
+        if least is None:  # bounds of every policy prove nothing of this one
+            verdict = UNDECIDED if bounds == (payoffs.low, payoffs.high) else PROVEN
+        else:
+            open_or_refuted = REFUTED if bounds[1] < least else UNDECIDED
+            verdict = PROVEN if bounds[0] >= least else open_or_refuted
         return Certificate(
             sentence=self._sentence(asked, verdict, bounds, best),
             kind=PROOF,
@@ -152,7 +152,7 @@ class Evasion(Plant):
             f"{what} is in [{bounds[0]:.4g}, {bounds[1]:.4g}], that of no policy above {best:.4g}"
         )
         if asked.chance is None and asked.least is None:
-            return f"{over} {found}"
+            return f"{over} {found}{'; this says nothing of the policy' * (verdict == UNDECIDED)}"
         said = {
             PROVEN: f"it {asked.text}",
             REFUTED: f"it is not true that it {asked.text}",

@@ -201,6 +201,16 @@ def test_verdicts():
     assert prove(always, plant, between, effort=COARSE).verdict == "undecided"
 
 
+def test_bounds_of_every_policy_prove_nothing(monkeypatch):
+    monkeypatch.setattr("eutree_lab.plants.evasion._CELLS", 40)
+    monkeypatch.setattr("eutree_lab.plants.evasion._SPACING", 6.0)
+    found = prove(policy_of(GATES, SPEC.id), plant_of(SPEC), effort=COARSE)
+    assert found.bounds["success"] == (0.0, 1.0)
+    assert found.verdict == "undecided"
+    assert found.undecided == 1.0
+    assert found.sentence.endswith("; this says nothing of the policy")
+
+
 def test_a_mean_return_is_bounded_too(monkeypatch):
     monkeypatch.setattr("eutree_lab.plants.evasion._CELLS", 440)
     monkeypatch.setattr("eutree_lab.plants.evasion._SPACING", 0.6)
