@@ -1,6 +1,9 @@
 """``eutree demos hurting``: what it names, what it writes, and that nothing is lost."""
 
 import json
+import re
+from itertools import groupby
+from operator import itemgetter
 
 import pytest
 from benchmarks.people import folder as recorded_by
@@ -30,6 +33,19 @@ def cut(folder, tmp_path_factory):
         asked = ["demos", "hurting", folder, "--out", out, "--episodes", 1000]
         assert run([*map(str, asked)]) == 0
     return *said[0], out
+
+
+def test_no_progress_is_beyond_its_total(folder, monkeypatch, capsys):
+    """Halving few episodes among many trees takes more than were asked for."""
+    monkeypatch.setattr("eutree.fitting.hurting.MOST_PAIRS", 20)
+    assert run(["demos", "hurting", str(folder), "--episodes", "30"]) == 0
+    lines = re.findall(r"^(\w+) (\d+)/(\d+)$", capsys.readouterr().err, re.MULTILINE)
+    assert [stage for stage, _ in groupby(lines, itemgetter(0))][:4] == [
+        "choosing", "judging", "looking", "halving",
+    ]  # fmt: skip
+    for stage, count, total in lines:
+        assert int(count) <= int(total), stage
+    assert all(len(list(same)) <= 10 for _, same in groupby(lines, itemgetter(0)))
 
 
 def test_it_names_segments_and_writes_a_folder_that_teaches_better(cut, folder):

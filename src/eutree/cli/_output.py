@@ -74,7 +74,7 @@ class ProgressLine:
     """A rich progress bar on a terminal; in a pipe, a line for each tenth of the work."""
 
     def __init__(self, console: "Console", label: str, total: int) -> None:
-        self._console, self._label, self._total, self._count = console, label, total, 0
+        self._console, self._label, self._total, self._tenth = console, label, total, 0
         self._bar: Progress | None = None
 
     def __enter__(self) -> "ProgressLine":
@@ -99,21 +99,21 @@ class ProgressLine:
 
     def stage(self, label: str, count: int, total: int, note: str = "") -> None:
         """Say how far a stage is, whose units are others than those of the stage before."""
-        if label != self._label:
-            self._label, self._total, self._count = label, max(total, 1), 0
-            if self._bar is not None:
-                self._bar.update(self._task, description=label, total=self._total, completed=0)
+        self._tenth = self._tenth if label == self._label else 0
+        self._label, self._total = label, max(total, 1)  # there may be more than was foreseen
+        if self._bar is not None:
+            self._bar.update(self._task, description=label, total=self._total)
         self.update(count, note)
 
     def update(self, count: int, note: str = "") -> None:
         """Say how many of the units are done, with a short note on the present state."""
         if self._bar is not None:
             self._bar.update(self._task, completed=count, note=note)
-        elif count * 10 // self._total > self._count * 10 // self._total:
+        elif count * 10 // self._total > self._tenth:
             self._console.print(
                 f"{self._label} {count}/{self._total} {note}".rstrip(), markup=False
             )
-        self._count = count
+            self._tenth = count * 10 // self._total
 
 
 def figures_of(result: object, names: str) -> dict[str, Any]:
