@@ -155,6 +155,8 @@ def test_a_plants_log_is_imported_by_its_own_columns(ask, tmp_path, capsys):
         "episodes": 2,
         "n_transitions": 1,
         "dropped_actions": 2,
+        "filled_rows": 0,
+        "left_out_rows": 0,
         "path": str(out),
     }
     assert Demonstrations.load(out).episodes[0].rewards.tolist() == [-2.0]
@@ -271,3 +273,24 @@ def test_export_overwrites_its_own_tables_and_no_log(folder, ask, tmp_path):
     log.write_text("")
     ask("export", folder, log)
     assert log.read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("missing", "filled", "left_out", "words"),
+    [
+        ("hold", 2, 1, "; 2 rows with empty cells filled; 1 row with empty cells left out"),
+        ("drop", 0, 3, "; 3 rows with empty cells left out"),
+        ("0.5", 3, 0, "; 3 rows with empty cells filled"),
+    ],
+)
+def test_import_says_how_many_rows_were_filled_or_left_out(
+    missing, filled, left_out, words, ask, tmp_path, capsys
+):
+    log = tmp_path / "log.csv"
+    rows = ("off,,3", "off,1,2", "on,2,3", "on,,NaN", "on,2,null", "off,3,1", "off,3,2")
+    log.write_text("\n".join(("action,level,flow", *rows)))
+    line = ("import", log, "--one-episode", "--missing", missing, "--out")
+    assert run(["demos", *map(str, line), str(tmp_path / "a")]) == 0
+    assert words in capsys.readouterr().out
+    found = ask(*line, tmp_path / "b")
+    assert (found["filled_rows"], found["left_out_rows"]) == (filled, left_out)

@@ -11,11 +11,11 @@ from eutree.cli import _options as option
 from eutree.cli._output import Result, figures_of
 from eutree.cli.fit import hurting
 from eutree.data import DemonstrationFolder, Demonstrations, Episode, LogFormat
-from eutree.data.csv_files import KNOWN, MAX_CSV
+from eutree.data.csv_files import KNOWN, MAX_CSV, read_csv
 from eutree.data.episode import DROPPED
 from eutree.data.log_format import seconds_of
 from eutree.display import counted
-from eutree.errors import InvalidArgumentError
+from eutree.errors import InvalidArgumentError, blamed
 from eutree.files import check_writable, read_bytes, write_text
 from eutree.interaction import GuardedEnv
 from eutree.interaction.episode import environment_for
@@ -284,6 +284,7 @@ def import_(
     if kind != "csv" and (columns or delimiter is not None or log_format != LogFormat()):
         raise InvalidArgumentError(f"columns and --delimiter are for a file .csv, got {source!r}")
     known: dict[str, Any] = {}
+    rows = {"filled": 0, "left out": 0}
     if environment is not None:
         with closing(make(EnvironmentSpec(environment, env_arguments))) as env:
             guarded = GuardedEnv(env)
@@ -291,9 +292,11 @@ def import_(
     if kind == "minari":
         loaded = replace(Demonstrations.from_minari(source.removeprefix("minari:")), **known)
     elif kind == "csv":
-        loaded = Demonstrations.from_csv(
-            source, columns=columns, delimiter=delimiter, log=log_format, **known
+        *read, rows["filled"], rows["left out"] = read_csv(
+            source, known.get("schema"), columns=columns, delimiter=delimiter, log=log_format
         )
+        with blamed(source):
+            loaded = Demonstrations(*read, known.get("environment"), Path(source).stem)
     else:
         loaded = Demonstrations.from_npz(source, **known)
     if not any(map(len, loaded.episodes)):
@@ -305,7 +308,7 @@ def import_(
     if names is not None:
         loaded = replace(loaded, schema=names.of(loaded.schema))
     loaded.save(out)
-    return _written(loaded, str(out))
+    return _written(loaded, str(out), **rows)
 
 
 @demos.command(epilog="Example: eutree demos export demos/ minari:eutree/evasion2/human-v0")
@@ -398,20 +401,22 @@ def _table(rows: dict[int, Episode], title: str) -> Any:
     return table
 
 
-def _written(demonstrations: Demonstrations, path: str) -> Result:
+def _written(demonstrations: Demonstrations, path: str, **rows: int) -> Result:
     dropped = sum(DROPPED in episode.extras for episode in demonstrations.episodes)
-    said = (
+    said = {
+        **{f"; {counted(n, 'row')} with empty cells {fate}": n for fate, n in rows.items()},
         f"; the last action of {counted(dropped, 'episode')} is left out: nothing says what it led "
-        "to"
-    )
+        "to": dropped,
+    }
     return Result(
         {
             "episodes": len(demonstrations),
             "n_transitions": demonstrations.n_transitions,
             "dropped_actions": dropped,
+            **{f"{fate.replace(' ', '_')}_rows": n for fate, n in rows.items()},
             "path": path,
         },
         f"{counted(len(demonstrations), 'episode')}, "
         f"{counted(demonstrations.n_transitions, 'transition')}, written to {path}"
-        f"{said if dropped else ''}",
+        f"{''.join(words for words, count in said.items() if count)}",
     )

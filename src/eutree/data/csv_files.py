@@ -53,9 +53,10 @@ def read_csv(
     columns: Mapping[str, str] | None = None,
     delimiter: str | None = None,
     log: LogFormat | None = None,
-) -> tuple[tuple[Episode, ...], Schema]:
+) -> tuple[tuple[Episode, ...], Schema, int, int]:
     """Return the episodes of a table, in the order in which they begin, and their schema.
 
+    Beside them the number of rows that were filled where cells were empty, and of those left out.
     The arguments are those of ``Demonstrations.from_csv``.
 
     Raises:
@@ -88,7 +89,7 @@ def read_csv(
             raise FormatError(path, f"line {reader.line_num}", str(error)) from None
         except UnicodeDecodeError:
             raise FormatError(path, *_no_text(path)) from None
-    return table.read(path, schema)
+    return *table.read(path, schema), table.filled, table.left_out
 
 
 def _no_text(path: str | Path) -> tuple[str, str]:
@@ -175,7 +176,7 @@ class _Table:
         self._groups: list[_EpisodeRows] = []
         self._present: dict[str, _EpisodeRows] = {}  # of each episode that may go on
         self._times: dict[str, float] = {}  # of its last row
-        self._size = 0
+        self._size = self.filled = self.left_out = 0
         self.line = 1
 
     def add(self, values: list[str], line: int) -> None:
@@ -188,6 +189,7 @@ class _Table:
         if self._log.time:
             self._pass_time(name, row[self._log.time])
         if self._log.missing and not self._fill(name, row):
+            self.left_out += 1
             return
         group = self._present.get(name)
         if group is None:
@@ -228,6 +230,7 @@ class _Table:
                 row[column] = before.last_row[column]
             else:
                 return False  # there is nothing yet to hold
+        self.filled += bool(empty)
         return True
 
     def _add(self, group: _EpisodeRows, row: dict[str, str]) -> None:

@@ -262,7 +262,7 @@ class Demonstrations(Displayed, Frozen):
         """
         from eutree.data.csv_files import read_csv
 
-        read = read_csv(path, schema, columns=columns, delimiter=delimiter, log=log)
+        *read, _, _ = read_csv(path, schema, columns=columns, delimiter=delimiter, log=log)
         with blamed(path):
             return cls(*read, environment, Path(path).stem)
 
