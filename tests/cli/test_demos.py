@@ -294,3 +294,17 @@ def test_import_says_how_many_rows_were_filled_or_left_out(
     assert words in capsys.readouterr().out
     found = ask(*line, tmp_path / "b")
     assert (found["filled_rows"], found["left_out_rows"]) == (filled, left_out)
+
+
+def test_one_episode_without_rewards_is_said_to_have_none(ask, tmp_path, capsys):
+    """It was said to earn "0 on average", and to be "1 episodes"."""
+    log, demos = tmp_path / "log.csv", tmp_path / "days"
+    log.write_text("episode,action,level,terminated\n0,a,1,false\n0,b,2,true\n0,,3,\n")
+    ask("import", log, "--out", demos)
+    figures = ask("stats", demos, "--html", tmp_path / "days.html")
+    assert figures["whole_episodes"] == 1
+    assert figures["mean_return"] is None
+    assert run(["demos", "stats", str(demos)]) == 0
+    said = capsys.readouterr().out
+    assert said.startswith("1 episode (0 discarded), 2 transitions\nshown: unknown returns in 1 ")
+    assert "1 episodes" not in (tmp_path / "days.html").read_text()

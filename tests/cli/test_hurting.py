@@ -41,7 +41,7 @@ def test_no_progress_is_beyond_its_total(folder, monkeypatch, capsys):
     assert run(["demos", "hurting", str(folder), "--episodes", "30"]) == 0
     lines = re.findall(r"^(\w+) (\d+)/(\d+)$", capsys.readouterr().err, re.MULTILINE)
     assert [stage for stage, _ in groupby(lines, itemgetter(0))][:4] == [
-        "choosing", "judging", "looking", "halving",
+        "choosing", "judging", "playing", "halving",
     ]  # fmt: skip
     for stage, count, total in lines:
         assert int(count) <= int(total), stage

@@ -77,7 +77,7 @@ def test_an_explanation_in_words():
         "  stop: 30 visits, value 1.5 +- 0.25",
         "  go: 2 visits, value -3 +- 0.25",
         "  (a value is the return expected after an action: Q, or the mean of what followed)",
-        "  2 demonstrated steps of 1 episodes: 1 x stop, 1 x go",
+        "  2 demonstrated steps of 1 episode: 1 x stop, 1 x go",
     ]
     assert [(s.episode, s.step, s.action) for s in found.support] == [(0, 0, 0), (0, 1, 1)]
 

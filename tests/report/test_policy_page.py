@@ -51,6 +51,22 @@ def opened(chromium: Any, file: Path) -> Iterator[Opened]:
     opened.page.close()
 
 
+def test_a_log_without_rewards_earns_nothing_that_is_shown(
+    chromium: Any, policy: TreePolicy, watched: list[WatchedEpisode], tmp_path: Path
+) -> None:
+    """The page said "mean return 0" of each leaf."""
+    played = watched[0].episode
+    silent = replace(played, rewards=np.zeros(len(played)), has_rewards=False)
+    for episode, word in ((silent, 0), (played, 1)):
+        shown = Demonstrations((episode,), policy.schema)
+        (tmp_path / "log.html").write_text(policy_page(policy, demonstrations=shown), "utf-8")
+        opened = open_page(chromium, tmp_path / "log.html")
+        opened.page.wait_for_selector("body[data-ready]", timeout=ENOUGH)
+        assert opened.page.get_by_text("mean return").count() == word
+        opened.assert_quiet()
+        opened.page.close()
+
+
 def state(opened: Opened, name: str) -> str:
     return opened.page.locator("body").get_attribute(f"data-{name}") or ""
 

@@ -108,7 +108,8 @@ def trim(folder: Path, number: int, steps: int) -> Result:
         is_success=None,
     )
     opened.write(number, shorter)
-    return Result({"episode": number, "length": steps}, f"episode {number} now has {steps} steps")
+    left = counted(steps, "step")
+    return Result({"episode": number, "length": steps}, f"episode {number} now has {left}")
 
 
 @demos.command(epilog="Example: eutree demos rename demos/ names.json")

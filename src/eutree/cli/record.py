@@ -111,7 +111,7 @@ def record(
     steps = sum(map(len, kept))
     return Result(
         {"episodes": len(kept), "n_transitions": steps, "path": str(out)},
-        f"{len(kept)} episodes, {steps} transitions, in {out}",
+        f"{counted(len(kept), 'episode')}, {counted(steps, 'transition')}, in {out}",
     )
 
 
@@ -192,13 +192,14 @@ def _recorded_expert(
             )
     except (KeyboardInterrupt, EutreeError):
         if finished:
-            say(f"{finished} finished episodes are in {out}")
+            say(f"{counted(finished, 'finished episode')} kept in {out}")
         raise
     successes = [episode.is_success for episode in demos if episode.is_success is not None]
     result = f", {sum(successes)} successful" if successes else ""
     return Result(
         {"episodes": len(demos), "n_transitions": demos.n_transitions, "path": str(out)},
-        f"{len(demos)} episodes, {demos.n_transitions} transitions{result}, written to {out}",
+        f"{counted(len(demos), 'episode')}, {counted(demos.n_transitions, 'transition')}{result}, "
+        f"written to {out}",
     )
 
 

@@ -189,10 +189,10 @@ class Evaluation(Earned, Displayed):
 
     @classmethod
     def of(cls, played: Sequence[Episode], n_leaves: int | None = None) -> "Evaluation":
-        """Return the evaluation of recorded episodes, at least one."""
+        """Return the evaluation of recorded episodes, at least one; unknown returns are NaN."""
         successes = [episode.is_success for episode in played]
         return cls(
-            returns=np.array([episode.undiscounted_return for episode in played]),
+            returns=np.array([e.undiscounted_return if e.has_rewards else np.nan for e in played]),
             lengths=np.array([len(episode) for episode in played]),
             endings=np.array([episode.ending or "" for episode in played]),
             successes=None if None in successes else np.array(successes),

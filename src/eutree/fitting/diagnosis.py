@@ -124,7 +124,8 @@ def harms(played: Played, demonstrations: Demonstrations) -> list[Harm]:
     Where the environment reports no failures, an episode is bad that earns less than any
     demonstration: half of the demonstrations themselves earn less than their mean.
     """
-    ended = [e.undiscounted_return for e in demonstrations if e.terminated or e.truncated]
+    known = [e for e in demonstrations if e.has_rewards and (e.terminated or e.truncated)]
+    ended = [episode.undiscounted_return for episode in known]
     below = None if played.evaluation.successes is not None else min(ended, default=np.nan)
     failed = played.failed(np.nan if below is None else below)
     endings, shown = played.evaluation.endings, shown_in(played.policy, demonstrations)

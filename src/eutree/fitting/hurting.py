@@ -307,7 +307,7 @@ class _Search:
         first = tree = self._tree(known)
         reached, found = self._judge(tree), list[Hurt]()
         while len(found) < most:
-            games.begin("looking", LOOKED_AT)
+            games.begin("playing", LOOKED_AT)
             played = games.play(tree, LOOKED_AT, LOOKING + len(found))
             guilty = self._guilty(played)
             better = self._better(known, tree, guilty, len(found))

@@ -282,4 +282,5 @@ def _shown(policy: TreePolicy, support: tuple[Support, ...]) -> str:
     ).tolist()
     names = policy.schema.actions
     shown = [f"{count} x {printable(names[a])}" for a, count in enumerate(counts) if count]
-    return f"{len(support)} demonstrated steps of {episodes} episodes: {', '.join(shown)}"
+    steps = counted(len(support), "demonstrated step")
+    return f"{steps} of {counted(episodes, 'episode')}: {', '.join(shown)}"

@@ -14,6 +14,7 @@ import numpy as np
 
 from eutree.arrays import Floats
 from eutree.data import Demonstrations, Episode
+from eutree.display import counted
 from eutree.evaluation.expert_curve import ExpertCurve, expert_curve
 from eutree.fitting import Person
 from eutree.fitting.report import result_in_words
@@ -73,7 +74,8 @@ class DemonstrationFigures:
         shown = self.demonstrations
         discarded = len(shown.episodes) - len(shown)
         return (
-            f"{len(shown)} episodes ({discarded} discarded), {shown.n_transitions} transitions\n"
+            f"{counted(len(shown), 'episode')} ({discarded} discarded), "
+            f"{counted(shown.n_transitions, 'transition')}\n"
             f"shown: {result_in_words(Person.of(shown).whole)}\n{self.advice}"
         )
 
@@ -168,8 +170,8 @@ def _head(demonstrations: Demonstrations, title: str, figures: DemonstrationFigu
     facts = [
         str(demonstrations.environment or "environment unknown"),
         f"by {demonstrations.expert}" if demonstrations.expert else "",
-        f"{len(demonstrations)} episodes" + (f" and {discarded} discarded" if discarded else ""),
-        f"{demonstrations.n_transitions} steps",
+        counted(len(demonstrations), "episode") + f" and {discarded} discarded" * (discarded > 0),
+        counted(demonstrations.n_transitions, "step"),
     ]
     success = figures.success_rate
     share = "" if success is None else f"{100 * success:.0f} % of the episodes succeed. "
@@ -219,7 +221,7 @@ def _card(
     mood = "" if episode.is_success is None else " good" if episode.is_success else " bad"
     shown = "".join(f'<span class="badge">{escape(badge)}</span>' for badge in badges)
     earned = f"return {episode.undiscounted_return:.4g}" if episode.has_rewards else "no rewards"
-    facts = f"{len(episode)} steps, {earned}"
+    facts = f"{counted(len(episode), 'step')}, {earned}"
     drawing = '<p class="quiet">No step was taken.</p>'
     if len(episode):
         drawing = _drawn(episode, schema, ends)

@@ -35,7 +35,7 @@ def _(policy: TreePolicy) -> str:
     size = f"{counted(policy.n_leaves, 'leaf')}, at most {policy.tree.depth} tests"
     facts = {
         "environment": str(policy.environment or "unknown"),
-        "size": size + (f", {len(policy.locked)} leaves locked" if policy.locked else ""),
+        "size": size + (f", {counted(len(policy.locked), 'leaf')} locked" if policy.locked else ""),
         "actions": ", ".join(policy.schema.actions),
         "features": _features(policy),
     }

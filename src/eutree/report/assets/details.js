@@ -94,15 +94,16 @@ function interval(leaf, action) {
     drawing("circle", { cx: x(value), cy: 8, r: 4.5, fill: action === data.leafActions[leaf] ? "var(--live)" : "var(--ink)" }));
 }
 
-const allReturns = [...episodeSteps, ...demonstrationSteps].flat().map(({ rest }) => rest);
+const earnedIn = (steps) => steps.map(({ rest }) => rest).filter(Number.isFinite);
+const allReturns = earnedIn([...episodeSteps, ...demonstrationSteps].flat());
 const lowestReturn = allReturns.reduce((a, b) => Math.min(a, b), Infinity);
 const highestReturn = allReturns.reduce((a, b) => Math.max(a, b), -Infinity);
 
 /** Return the histogram of what was earned from here to the end of the episode. */
 function returnsOf(leaves) {
   if (data.visits) return []; // counted on more than what is played here: too few for a histogram
-  if (!allReturns.length) return []; // nothing is played here, as on a run's page
-  const values = leaves.flatMap((leaf) => [...episodeSteps[leaf], ...demonstrationSteps[leaf]]).map(({ rest }) => rest);
+  if (!allReturns.length) return []; // nothing is played here, as on a run's page, or no reward is known
+  const values = earnedIn(leaves.flatMap((leaf) => [...episodeSteps[leaf], ...demonstrationSteps[leaf]]));
   if (!values.length) return part("Returns from here", element("p", { class: "quiet" }, "No recorded step fell in here."));
   const nBins = 24;
   const span = highestReturn - lowestReturn || 1;

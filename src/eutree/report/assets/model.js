@@ -182,7 +182,7 @@ function stepsByLeaf(episodes) {
     if (episode.own === false) return; // what others earned says nothing of this policy
     let rest = 0;
     for (let step = episode.actions.length - 1; step >= 0; step--) {
-      rest += episode.rewards[step];
+      rest += episode.rewards[step]; // no number where a log has no rewards
       steps[episode.leaves[step]].unshift({
         episode: number, step, action: episode.actions[step], rest,
       });
