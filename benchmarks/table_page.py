@@ -250,7 +250,7 @@ again](../decisions/racing.md) from trees of good episodes |
 
 | missed | reached | tried |
 |---|---|---|
-| MountainCar -98.5 with 5 leaves | -98.7 in 500 k, ten runs; with at most 8 -98.1 | [searches \
+| MountainCar -98.5 with 5 leaves | -98.7 in 500 k, ten runs; with at most 8 -98.0 | [searches \
 with the true dynamics](../decisions/racing.md) end at -98.65 with 5 leaves, nine of ten: no tree \
 that earns -98.5 is known; the tree of 8 copied by DAgger; [sets of \
 actions](../decisions/labels-as-sets.md) as labels: -101.9 |

@@ -21,6 +21,27 @@ def test_the_pages_are_made_of_the_rows() -> None:
     assert body("between-releases.md") == releases.page(), again
 
 
+@pytest.mark.parametrize(
+    ("task", "leaves", "steps", "words"),
+    [
+        ("MountainCar-v0", 5, 500_000, "{:.1f} in 500 k, ten runs"),
+        ("MountainCar-v0", 8, 500_000, "with at most 8 {:.1f} |"),
+        ("Acrobot-v1", 8, 500_000, "in 500 k {:.1f} with 8"),
+        ("LunarLander-v3", 32, 500_000, "{:.1f} with 32, "),
+        ("TwoTanks-v0", 16, 500_000, "{:.1f} with 16 leaves, "),
+    ],
+)
+def test_the_aims_say_what_the_cells_say(task: str, leaves: int, steps: int, words: str) -> None:
+    place = {"who": "eutree", "steps": str(steps), "leaves": str(leaves)}
+    cell = [
+        float(row["return"])
+        for path in table.ROWS.glob("*.csv")
+        for row in table.rows_of(path)
+        if row["task"] == task and place.items() <= row.items()
+    ]
+    assert words.format(np.mean(cell)) in table_page.AIMS
+
+
 def test_every_row_of_the_table_is_of_a_seed_that_tuning_never_saw() -> None:
     for path in table.ROWS.glob("*.csv"):
         rows = table.rows_of(path)
