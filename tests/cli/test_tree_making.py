@@ -17,11 +17,8 @@ from eutree.fitting import page_tree
 from eutree.fitting.page_tree import PageTree
 from eutree.interaction import GuardedEnv, run_episode
 from eutree.policies import TreePolicy
-from eutree.schema import EnvironmentSpec
 from tests.little_search import little_search
 from tests.recording.people import Corridor
-
-EVASION = EnvironmentSpec("eutree/Evasion2-v0")
 
 
 @pytest.fixture(autouse=True)
@@ -43,9 +40,9 @@ class Views(list):
             self.programmes.append(programme)
 
 
-def made(folder, *, episodes, make=lambda: gymnasium.make("eutree/Evasion2-v0"), spec=EVASION):
+def made(folder, *, episodes, make=lambda: gymnasium.make("eutree/Evasion2-v0")):
     views = Views()
-    maker = PageTree(folder, spec, make)
+    maker = PageTree(folder, make)
     maker.make(views.show, lambda: False)
     return maker, views
 
@@ -110,7 +107,7 @@ def test_what_is_corrected_is_fitted_at_once_and_shown(folder) -> None:
 
 
 def test_what_is_missing_is_found_in_the_folder(folder) -> None:
-    maker = PageTree(folder, EVASION, lambda: gymnasium.make("eutree/Evasion2-v0"))
+    maker = PageTree(folder, lambda: gymnasium.make("eutree/Evasion2-v0"))
     found = maker.missing()
     tree = eutree.fit_expert_tree(eutree.Demonstrations.load(folder))
     world = GuardedEnv(gymnasium.make("eutree/Evasion2-v0"))
@@ -118,7 +115,7 @@ def test_what_is_missing_is_found_in_the_folder(folder) -> None:
     assert "the end would have been 'goal'" in found.why
     cart = eutree.record("CartPole-v1", lambda o: int(o[2] > 0), episodes=2, seed=0)
     cart.save(folder.with_name("cart"))
-    of_cart = PageTree(folder.with_name("cart"), EnvironmentSpec("CartPole-v1"),
+    of_cart = PageTree(folder.with_name("cart"),
                        lambda: gymnasium.make("CartPole-v1"))  # fmt: skip
     assert of_cart.missing() is None  # nothing says what failed
 
@@ -219,7 +216,7 @@ def test_without_successes_returns_are_compared(tmp_path) -> None:
             return 2, state
 
     eutree.record(Plain(), Right(), episodes=3).save(tmp_path / "demos")
-    _, views = made(tmp_path / "demos", episodes=3, make=Plain, spec=EnvironmentSpec("Plain-v0"))
+    _, views = made(tmp_path / "demos", episodes=3, make=Plain)
     assert views[-1].message == (
         "you 1 on average (1 to 1) in 3 episodes; "
         "this tree 1 on average (1 to 1) in 200 episodes: as good"

@@ -224,7 +224,7 @@ def record_on_page(
     from eutree.recording.browser import record_in_browser
     from eutree.recording.browser.wire import is_loopback
 
-    maker = PageTree(out, spec, lambda: make(spec), seed=recorder.session.settings.seed)
+    maker = PageTree(out, lambda: make(spec), seed=recorder.session.settings.seed)
     tree = None if drive is None else load_policy(drive)
     if tree is not None:
         recorder.session.env.schema.check_same(

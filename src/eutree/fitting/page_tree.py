@@ -20,7 +20,6 @@ from eutree.interaction import GuardedEnv, episode_seed
 from eutree.policies import TreePolicy
 from eutree.recording.scenes import Programme, Scene, missing, scenes
 from eutree.recording.tree_making import FITTING, PLAYING, PRACTISING, READY, Show, TreeView
-from eutree.schema import EnvironmentSpec
 
 if TYPE_CHECKING:
     import gymnasium
@@ -51,20 +50,18 @@ class PageTree:
 
     Args:
         folder: The folder of demonstrations.
-        environment: Where the tree plays and practises.
-        make: Makes that environment, without pictures.
+        make: Makes the environment where the tree plays and practises, without pictures.
         seed: Seed of the games and of the practice.
     """
 
     def __init__(
         self,
         folder: Path,
-        environment: EnvironmentSpec,
         make: "Callable[[], gymnasium.Env[Any, Any]]",
         *,
         seed: int = 0,
     ) -> None:
-        self._folder, self._environment, self._make, self._seed = folder, environment, make, seed
+        self._folder, self._make, self._seed = folder, make, seed
         self._fitted: FitReport | None = None
         self._best: Way | None = None
         self._presses = 0
