@@ -132,5 +132,5 @@ def test_what_cannot_be_a_map_is_refused():
     with pytest.raises(InvalidArgumentError, match="actions must be"):
         FeatureMap(n_observed=1, n_actions=2, actions=-1)
     leaf = DecisionTree.single_leaf(2)
-    with pytest.raises(InvalidArgumentError, match="past_actions must be >= 0 and leave at least"):
+    with pytest.raises(InvalidArgumentError, match="past_actions must leave at least one of"):
         TreePolicy(leaf, np.array([0]), Schema.anonymous(2, 2), past_actions=1)

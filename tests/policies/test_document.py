@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 
 import numpy as np
 import pytest
@@ -195,3 +196,22 @@ def test_a_file_of_the_first_version_has_no_checksum():
 def test_a_missing_file_is_one_line(tmp_path):
     with pytest.raises(FileError, match=r"cannot read .*none\.json: it does not exist"):
         TreePolicy.load(tmp_path / "none.json")
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "wanted"),
+    [
+        ("masked", 1, "masked must be a bool, got 1"),
+        ("masked", "no", "masked must be a bool, got 'no'"),
+        ("environment", "CartPole-v1", "environment must be a EnvironmentSpec, got 'CartPole-v1'"),
+        ("schema", None, "schema must be a Schema, got None"),
+        ("tree", 3, "tree must be a DecisionTree, got 3"),
+        ("history", "1", "history must be an integer >= 0, got '1'"),
+        ("past_actions", 0.0, "past_actions must be an integer >= 0, got 0.0"),
+    ],
+)
+def test_a_field_of_another_kind_is_refused(field, value, wanted):
+    """``masked=1`` was taken, and written to a file that could not be read."""
+    made = {"tree": DecisionTree.single_leaf(1), "actions": [0], "schema": Schema.anonymous(1, 2)}
+    with pytest.raises(InvalidArgumentError, match=f"^{re.escape(wanted)}"):
+        TreePolicy(**(made | {field: value}))

@@ -24,6 +24,9 @@ from eutree.policies.leaf_statistics import LeafStatistics, check_masks, orders_
 from eutree.schema import EnvironmentSpec, Schema
 from eutree.trees import DecisionTree
 from eutree.trees.text import definitions, printable, rules
+from eutree.validation import check_integer, check_kind
+
+_KINDS = {"tree": DecisionTree, "schema": Schema, "environment": EnvironmentSpec, "masked": bool}
 
 
 def rows_of(observation: Any, names: Sequence[str]) -> Floats:
@@ -147,6 +150,9 @@ class TreePolicy(Displayed, Frozen):
     masked: bool = False
 
     def __post_init__(self) -> None:
+        for one in fields(self):
+            if one.name in _KINDS and getattr(self, one.name) is not one.default:
+                check_kind(one.name, getattr(self, one.name), _KINDS[one.name])
         freeze(self, "actions", dtype=np.int64)
         if self.actions.shape != (self.tree.n_leaves,):
             raise InvalidArgumentError(
@@ -162,16 +168,16 @@ class TreePolicy(Displayed, Frozen):
                 f"schema must name the tree's {self.tree.n_features} features, "
                 f"got {self.schema.n_features}"
             )
-        seen = self.tree.n_features - self.past_actions * self.schema.n_actions
-        if self.past_actions < 0 or seen < 1:
+        n, past = self.tree.n_features, check_integer("past_actions", self.past_actions)
+        seen = n - past * self.schema.n_actions
+        if seen < 1:
             raise InvalidArgumentError(
-                f"past_actions must be >= 0 and leave at least one of the tree's "
-                f"{self.tree.n_features} features, got {self.past_actions}"
+                f"past_actions must leave at least one of the tree's {n} features, got {past}"
             )
-        if self.history < 0 or seen % (self.history + 1):
+        if seen % (check_integer("history", self.history) + 1):
             raise InvalidArgumentError(
-                f"history must be >= 0 and history + 1 must divide the tree's "
-                f"{seen} features that are not actions, got {self.history}"
+                f"history + 1 must divide the tree's {seen} features that are not actions, got "
+                f"history {self.history}"
             )
         if list(self.locked) != sorted(set(self.locked) & set(range(self.n_leaves))):
             raise InvalidArgumentError(
