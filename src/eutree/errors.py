@@ -18,9 +18,11 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from difflib import get_close_matches
 from pathlib import Path
+from traceback import walk_tb
 from typing import Any
 
 MAX_SHOWN = 100  # characters of a value in a message
+NOTED = "raised in "  # begins a note that says in whose code something was raised
 
 
 class EutreeError(Exception):
@@ -181,6 +183,19 @@ def described(error: BaseException) -> str:
         text = ""
     kind = type(error).__name__
     return f"{kind}: {text}" if text else kind
+
+
+@contextmanager
+def noted(kind: type, words: str) -> Iterator[None]:
+    """Note ``words`` on what is raised in the package of a class, unless that is eutree itself."""
+    try:
+        yield
+    except Exception as error:
+        frames = (frame.f_globals.get("__name__", "") for frame, _ in walk_tb(error.__traceback__))
+        package = kind.__module__.partition(".")[0]
+        if package != "eutree" and package in (name.partition(".")[0] for name in frames):
+            error.add_note(f"{NOTED}{words}")
+        raise
 
 
 def _cut(text: str) -> str:

@@ -149,6 +149,42 @@ def eutree_command(name):
     return group.get_command(None, name)
 
 
+@pytest.mark.parametrize(
+    ("line", "fault", "options"),
+    [
+        ("self.episode.add(step)", "raise KeyError('boom')", ()),
+        ("learner = Corrector(problem, start.expert, self)", "raise KeyError('boom')", ()),
+        ("self.episode.add(step)", "raise KeyError('boom')", ("--runs", "2", "--n-jobs", "2")),
+    ],
+)
+def test_what_it_raises_names_it(line, fault, options, demos, tmp_path, monkeypatch, capfd):
+    """It read "internal error", as if it were eutree's own."""
+    (tmp_path / "broken_method.py").write_text(source().replace(line, fault))
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [str(tmp_path), *sys.path])
+    own = "broken_method:CorrectedImitation"
+    asked = ["learn", TASK, "--demos", str(demos), "--method", own, "--episodes", "4"]
+    try:
+        assert run([*asked, "--out", "run", *options]) == 1
+        said = f"raised in method 'corrected-imitation' ({own}), KeyError: 'boom' (--debug"
+        assert said in capfd.readouterr().err
+        with pytest.raises(KeyError) as caught:
+            learned(demos, None, method=own)
+        assert caught.value.__notes__ == [f"raised in method 'corrected-imitation' ({own})"]
+    finally:
+        sys.modules.pop("broken_method", None)
+
+
+def test_a_fault_of_eutree_is_not_laid_to_it(installed, demos, tmp_path, monkeypatch, capsys):
+    def fails(*_):
+        raise KeyError("boom")
+
+    monkeypatch.setattr("eutree.training.run.Run.policy", fails)
+    asked = ["learn", TASK, "--demos", str(demos), "--method", "corrected-imitation"]
+    assert run([*asked, "--episodes", "4", "--out", str(tmp_path / "run")]) == 1
+    assert "internal error, KeyError: 'boom'" in capsys.readouterr().err
+
+
 def test_it_is_resumed_by_name_in_another_process(installed, demos, tmp_path):
     learned(demos, tmp_path / "whole")
     steps = iter(range(10_000))

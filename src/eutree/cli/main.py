@@ -16,7 +16,7 @@ import click
 
 from eutree.cli._options import check_outputs
 from eutree.cli._output import kept_for_results, said_what_is_compiled
-from eutree.errors import EutreeError, UnknownNameError, described
+from eutree.errors import NOTED, EutreeError, UnknownNameError, described
 from eutree.validation import check_kind, check_offered
 
 # Loaded when called, so that `eutree --help` imports only the modules that it needs.
@@ -193,7 +193,9 @@ def _report(error: Exception, *, debug: bool) -> int:
         where = f"{error.filename}: " if error.filename else ""
         message, code = f"{where}{error.strerror or error}", EXIT_MISTAKE
     else:
-        message, code = f"internal error, {described(error)} (--debug shows where)", 1
+        notes = [note for note in getattr(error, "__notes__", ()) if note.startswith(NOTED)]
+        where = notes[0] if notes else "internal error"
+        message, code = f"{where}, {described(error)} (--debug shows where)", 1
     line = " ".join(message.split())
     line = line if len(line) <= MAX_LINE else f"{line[:MAX_LINE]} ... {line[-100:]}"
     click.echo(f"error: {line}", err=True)

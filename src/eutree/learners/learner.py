@@ -481,7 +481,12 @@ def check_has_all(one: object, protocol: type, kind: type, besides: Iterable[str
     lacking = [name for name in wanted if not hasattr(one, name) and name not in besides]
     if lacking:
         whose = "" if one is kind else "the learner of "
-        named = f"{getattr(kind, 'name', kind.__name__)!r} ({kind.__module__}:{kind.__qualname__})"
         raise InvalidArgumentError(
-            f"{whose}method {named} lacks {', '.join(lacking)}; see docs/your-own-method.md"
+            f"{whose}{named(kind)} lacks {', '.join(lacking)}; see docs/your-own-method.md"
         )
+
+
+def named(kind: type) -> str:
+    """Return the name of a method, and where its class is."""
+    name = getattr(kind, "name", kind.__name__)
+    return f"method {name!r} ({kind.__module__}:{kind.__qualname__})"
