@@ -52,9 +52,22 @@ def test_a_page_shows_the_starts(car, tmp_path, capsys):
     assert code == 0
     text = page.read_text()
     assert found["path"] == str(page)
+    assert found["files"] == [str(page)]
     assert text.count("<rect") == 320
     assert "arrives within 108 steps" in text
     assert "http" not in text.replace("http-equiv", "")
+
+
+def test_each_file_that_is_written_is_named(car, tmp_path, capsys):
+    """With both only the page was."""
+    page, kept = tmp_path / "proof.html", tmp_path / "proof.json"
+    _, found = result(capsys, car, "--html", page, "--out", kept)
+    assert found["path"] == str(page)
+    assert found["files"] == [str(page), str(kept)]
+    assert page.exists()
+    assert kept.exists()
+    assert result(capsys, car, "--out", kept)[1]["path"] == str(kept)
+    assert "files" not in result(capsys, car)[1]
 
 
 def test_an_environment_without_a_plant_gets_a_statistical_certificate(tmp_path, capsys):

@@ -121,12 +121,12 @@ def prove(
         found = certify_sample(evaluation, asked, environment=str(spec), sampling=sampling)
     else:
         found = prove_policy(loaded, plant, question)
-    figures = found.figures()
     if out is not None:
         save_certificate(out, found, loaded)
     if html is not None:
         write_text(html, proof_page(found, title=str(spec), policy=loaded))
-        figures["path"] = str(html)
+    written = [str(path) for path in (html, out) if path is not None]
+    figures = found.figures() | ({"path": written[0], "files": written} if written else {})
     return Result(figures, str(found), EXIT_CODES[found.verdict])
 
 
