@@ -141,11 +141,7 @@ def _was_begun(out: Path) -> bool:
 
 
 def _kept(out: Path, given: Arguments) -> Arguments:
-    """Return the arguments kept in a folder; none where the whole command is given again.
-
-    Raises:
-        InvalidArgumentError: Nothing is kept there, and nothing else is given.
-    """
+    """Return the arguments kept in a folder; none where the whole command is given again."""
     if (out / KEPT).exists():
         arguments = read_document(out / KEPT, CommandDocument).arguments
         for name, texts in sorted(arguments.items()):
@@ -174,11 +170,7 @@ def _key(text: str) -> str:
 
 
 def _line(command: click.Command, arguments: Arguments) -> list[str]:
-    """Return the words that give arguments to a command.
-
-    Raises:
-        InvalidArgumentError: It takes no such argument.
-    """
+    """Return the words that give arguments to a command."""
     known, words = {str(one.name): one for one in command.params}, []
     for name, texts in arguments.items():
         parameter = known.get(name)

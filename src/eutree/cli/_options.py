@@ -1,9 +1,8 @@
 """The base of every command: options that several share, and help in one screen.
 
-A command declares its input files as ``click.Path`` and its output files as ``Written``; an input
-may also be the file of a module that is named. Before the command begins, each output is compared
-with each input: a command never writes over its input. ``--help-all`` shows every option in its
-group.
+A command declares its input files as ``click.Path`` and its output files as ``Written``. Before it
+begins, each output is compared with each input, modules among them: a command never writes over its
+input. ``--help-all`` shows every option in its group.
 """
 
 import importlib
@@ -44,8 +43,7 @@ _SHARED: Mapping[str, Sequence[str]] = {
     "Several processes": ("n_jobs", "backend", "address"),
     "Everywhere": ("seed", "as_json", "help_all", "help"),
 }
-# The files of a run, of several, of demonstrations and of a study; any other file in their folders
-# may be overwritten.
+# The files of runs, demonstrations and studies; others in their folders may be overwritten.
 PARTS = re.compile(
     r"(runs/\d+/)?((config|command|policy|learned|expert|demonstrations)\.json|checkpoint\.npz"
     r"|(curve|progress|runs)\.csv|(events|answers)\.jsonl|episode-\d+\.(npz|journal)|study\.toml)"
@@ -260,28 +258,21 @@ def count(
     )
 
 
-def path(*names: str, text: str) -> Callable[[_Command], _Command]:
+def path(*names: str, text: str, **more: Any) -> Callable[[_Command], _Command]:
     """Return an option that takes a file or a folder to read, passed on as a path."""
-    return click.option(*names, type=click.Path(path_type=Path), help=text)
+    return click.option(*names, type=click.Path(path_type=Path), help=text, **more)
 
 
-def output(
-    *names: str, text: str, required: bool = False, default: str = ""
-) -> Callable[[_Command], _Command]:
+def output(*names: str, text: str, **more: Any) -> Callable[[_Command], _Command]:
     """Return an option that takes a file or a folder to write, passed on as a path."""
-    # click takes a default of None for a value, which then is not missing.
-    usual: dict[str, Any] = {"default": default, "show_default": True} if default else {}
     kind = Written(path_type=Path)
-    return click.option(*names, type=kind, required=required, help=text, **usual)
+    return click.option(*names, type=kind, help=text, show_default="default" in more, **more)
 
 
 def starts(text: str, *, multiple: bool = False) -> Callable[[_Command], _Command]:
     """Return the option that takes a certificate, in whose boxes episodes begin."""
-    kind = click.Path(path_type=Path)
     words = f"A certificate, by prove --out, of what is not proven: {text}"
-    return click.option(
-        "--starts-from", metavar="CERTIFICATE", type=kind, multiple=multiple, help=words
-    )
+    return path("--starts-from", text=words, metavar="CERTIFICATE", multiple=multiple)
 
 
 def together(*options: Callable[[_Command], _Command]) -> Callable[[_Command], _Command]:

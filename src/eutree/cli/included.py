@@ -188,11 +188,7 @@ def _compiled(folder: Path, name: str) -> str:
 
 
 def _compiled_by(command: tuple[str, ...], out: Path) -> None:
-    """Run a command whose kernels are compiled at their first call.
-
-    Raises:
-        EutreeError: It failed.
-    """
+    """Run a command whose kernels are compiled at their first call."""
     from eutree import compiled
     from eutree.cli.main import run
 

@@ -93,12 +93,7 @@ def _added() -> list[str]:
 
 
 def _added_command(name: str) -> click.Command:
-    """Import and return a command of another distribution.
-
-    Raises:
-        UnknownNameError: There is none of that name.
-        InvalidArgumentError: Several offer it, it cannot be imported, or it is none of click's.
-    """
+    """Import and return a command of another distribution."""
     points = entry_points(group=GROUP, name=name)
     if not points:
         raise UnknownNameError("command", name, [*COMMANDS, *_added()])
@@ -193,8 +188,8 @@ def _report(error: Exception, *, debug: bool) -> int:
         where = f"{error.filename}: " if error.filename else ""
         message, code = f"{where}{error.strerror or error}", EXIT_MISTAKE
     else:
-        notes = [note for note in getattr(error, "__notes__", ()) if note.startswith(NOTED)]
-        where = notes[0] if notes else "internal error"
+        notes = (note for note in getattr(error, "__notes__", ()) if note.startswith(NOTED))
+        where = next(notes, "internal error")
         message, code = f"{where}, {described(error)} (--debug shows where)", 1
     line = " ".join(message.split())
     line = line if len(line) <= MAX_LINE else f"{line[:MAX_LINE]} ... {line[-100:]}"

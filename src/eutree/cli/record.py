@@ -116,12 +116,7 @@ def record(
 
 
 def _lead(environment: str, study: Path, **given: Any) -> None:
-    """Lead one person through a study, by the command of the distribution that has one.
-
-    Raises:
-        InvalidArgumentError: An option is given that the study's plan decides, or no distribution
-            has such a command.
-    """
+    """Lead one person through a study, by the command of the distribution that has one."""
     context = click.get_current_context()
     for name in ("out", "episodes", "seed", "expert", "careless", "drive", "starts_from", "web"):
         if context.get_parameter_source(name) is click.core.ParameterSource.COMMANDLINE:

@@ -223,13 +223,7 @@ def export(
 
 
 def _with_certificate(content: str | bytes, name: str, path: Path, policy: TreePolicy) -> str:
-    """Return an export with the sentence of its policy's certificate as a comment on top.
-
-    Raises:
-        InvalidArgumentError: The format has no comments here, or the certificate is of another
-            policy.
-        FormatError: The file is no certificate.
-    """
+    """Return an export with the sentence of its policy's certificate as a comment on top."""
     from eutree.proof import load_certificate
 
     if name not in _COMMENTS or isinstance(content, bytes):

@@ -193,13 +193,7 @@ def _reason(error: BaseException) -> str:
 
 
 def _check_known(name: str) -> None:
-    """Raise unless ``name`` is registered, or may be once the module before its colon is imported.
-
-    Raises:
-        UnknownNameError: It is not registered; names the nearest.
-        InvalidArgumentError: Before the colon stands no module's name, or the module that registers
-            it is one of the repository's examples.
-    """
+    """Raise unless ``name`` is registered, or may be once the module before its colon is."""
     if name.startswith(PREFIX):
         raise InvalidArgumentError(f"{name} is a tree of the zoo; its task is {name.split(':')[1]}")
     module, colon, _ = name.partition(":")

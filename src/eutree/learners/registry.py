@@ -199,9 +199,6 @@ def _without_deleted(kind: type[Method], choices: dict[str, Any]) -> dict[str, A
 
     A class may have ``deleted``: choices of earlier releases, and the value of each at which the
     method learns as it does now.
-
-    Raises:
-        InvalidArgumentError: One of them was not at the value that changes nothing.
     """
     choices = deepcopy(choices)
     for choice, usual in getattr(kind, "deleted", {}).items():
@@ -255,11 +252,7 @@ def _installed(name: str) -> type[Method]:
 
 
 def _loaded(name: str, found: list[EntryPoint]) -> type[Method]:
-    """Return the class that an entry point names, under which it must be known itself.
-
-    Raises:
-        InvalidArgumentError: There are several, or the one is no such method.
-    """
+    """Return the class that an entry point names, under which it must be known itself."""
     offered, value = check_offered("method", found), found[0].value
     try:
         kind = checked(offered)

@@ -194,11 +194,7 @@ def _thresholds(bounds: Floats, plant: Plant) -> Floats:
 
 
 def _inverse(axes: Floats) -> Floats:
-    """Return the inverse of a plant's axes.
-
-    Raises:
-        InvalidArgumentError: They have none in doubles: then places and states are not the same.
-    """
+    """Return the inverse of a plant's axes."""
     back: Floats = np.linalg.inv(axes).astype(np.float64)
     product = _exact(axes) @ _exact(back)
     if (product != np.eye(len(axes), dtype=int)).any():

@@ -260,12 +260,7 @@ def _arena(
 
 
 def _problem(env: GuardedEnv, plan: Plan) -> Problem:
-    """Return the problem as it is known before the first step.
-
-    Raises:
-        InvalidArgumentError: The steps for learning, all of which may be for racing, are not enough
-            for one episode.
-    """
+    """Return the problem as it is known before the first step."""
     spec = env.env.spec
     own_model = getattr(env.env.unwrapped, "model", None)
     whole_state = env.history == 0 and env.features.actions == 0
