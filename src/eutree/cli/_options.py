@@ -265,8 +265,7 @@ def path(*names: str, text: str, **more: Any) -> Callable[[_Command], _Command]:
 
 def output(*names: str, text: str, **more: Any) -> Callable[[_Command], _Command]:
     """Return an option that takes a file or a folder to write, passed on as a path."""
-    kind = Written(path_type=Path)
-    return click.option(*names, type=kind, help=text, show_default="default" in more, **more)
+    return click.option(*names, type=Written(path_type=Path), help=text, show_default=True, **more)
 
 
 def starts(text: str, *, multiple: bool = False) -> Callable[[_Command], _Command]:

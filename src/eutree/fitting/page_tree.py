@@ -55,11 +55,7 @@ class PageTree:
     """
 
     def __init__(
-        self,
-        folder: Path,
-        make: "Callable[[], gymnasium.Env[Any, Any]]",
-        *,
-        seed: int = 0,
+        self, folder: Path, make: "Callable[[], gymnasium.Env[Any, Any]]", *, seed: int = 0
     ) -> None:
         self._folder, self._make, self._seed = folder, make, seed
         self._fitted: FitReport | None = None

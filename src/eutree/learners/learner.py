@@ -488,5 +488,6 @@ def check_has_all(one: object, protocol: type, kind: type, besides: Iterable[str
 
 def named(kind: type) -> str:
     """Return the name of a method, and where its class is."""
-    name = getattr(kind, "name", kind.__name__)
-    return f"method {name!r} ({kind.__module__}:{kind.__qualname__})"
+    return (
+        f"method {getattr(kind, 'name', kind.__name__)!r} ({kind.__module__}:{kind.__qualname__})"
+    )

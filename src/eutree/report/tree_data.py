@@ -160,10 +160,9 @@ def _episode(
     """Return an episode: always the leaf of each step; the values sensed, if ``whole``."""
     features = policy_features(policy, episode)
     leaves = policy.tree.leaf_index(features)
-    rewards = episode.rewards.tolist() if episode.has_rewards else []
     entry = {
         "actions": episode.actions.tolist(),
-        "rewards": [float(f"{value:.6g}") for value in rewards],
+        "rewards": [float(f"{r:.6g}") for r in episode.rewards.tolist() * episode.has_rewards],
         "leaves": leaves.tolist() if whole else leaves[:-1].tolist(),
     }
     if whole:
