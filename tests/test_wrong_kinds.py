@@ -14,8 +14,13 @@ SHOWN = eutree.Demonstrations.from_arrays(
     actions=[0, 1, 0, 1],
     starts=[True] + [False] * 3,
 )
-TREE = eutree.fit_expert_tree(SHOWN)
 ROWS = SHOWN.observations
+
+
+@pytest.fixture(scope="module")
+def tree() -> eutree.TreePolicy:
+    """A tree, which compiles kernels: never while the tests are collected."""
+    return eutree.fit_expert_tree(SHOWN)
 
 
 @pytest.mark.parametrize("given", ["demos", [1, 2], None])
@@ -33,13 +38,13 @@ def test_demonstrations(given):
 
 
 @pytest.mark.parametrize("given", ["tree.json", Path("tree.json"), 5, lambda seen: 0])
-def test_a_tree(given):
+def test_a_tree(tree, given):
     for use in (
         lambda: eutree.learn(TASK, expert=given, episodes=1),
         lambda: eutree.compress(given, ROWS),
         lambda: eutree.why(given, ROWS[0]),
-        lambda: eutree.diff(TREE, given),
-        lambda: eutree.diff(given, TREE),
+        lambda: eutree.diff(tree, given),
+        lambda: eutree.diff(given, tree),
         lambda: eutree.verify(given, "never action_1 when x0 <= 0"),
     ):
         with pytest.raises(InvalidArgumentError, match="must be a TreePolicy, got") as raised:
@@ -47,7 +52,7 @@ def test_a_tree(given):
         assert ("TreePolicy.load reads that" in str(raised.value)) == ("tree.json" in str(given))
 
 
-def test_settings_and_weights():
+def test_settings_and_weights(tree):
     for use in (
         lambda: eutree.fit_expert_tree(SHOWN, settings={"min_objects": 3}),
         lambda: eutree.fit(SHOWN, settings={"min_objects": 3}, episodes=0),
@@ -59,7 +64,7 @@ def test_settings_and_weights():
     with pytest.raises(InvalidArgumentError, match="weights must have 3 entries, got 2"):
         eutree.fit_expert_tree(SHOWN, weights=[1, 2])
     with pytest.raises(InvalidArgumentError, match="question must be a Property, got 5"):
-        eutree.verify(TREE, 5)
+        eutree.verify(tree, 5)
 
 
 def test_a_budget_is_checked_where_it_is_made():

@@ -7,6 +7,7 @@ the modules that ``docs/reference/for-other-packages.md`` lists.
 import ast
 import re
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -20,24 +21,28 @@ def name_of(path: Path) -> str:
     return ".".join(path.relative_to(SOURCE).with_suffix("").parts).removesuffix(".__init__")
 
 
+@cache
 def sources(package: str) -> dict[str, ast.Module]:
     """Return the syntax tree of each module of a package by its name."""
     paths = sorted((SOURCE / package).rglob("*.py"))
     return {name_of(path): ast.parse(path.read_text()) for path in paths}
 
 
-CORE, LAB = sources("eutree"), sources("eutree_lab")
 PACKAGES = {name_of(path) for path in (SOURCE / "eutree").rglob("__init__.py")}
-OFFERED = {
-    package: {
+LISTED = set(re.findall(r"^- `(eutree\.[\w.]+)`", PAGE.read_text(), re.MULTILINE))
+
+
+@cache
+def offered_by(package: str) -> set[str]:
+    """Return the names in the ``__all__`` of a package of the core; none of what is no package."""
+    if package not in PACKAGES - {"eutree"}:
+        return set()
+    return {
         name
-        for node in CORE[package].body
+        for node in sources("eutree")[package].body
         if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "__all__"
         for name in ast.literal_eval(node.value)
     }
-    for package in PACKAGES - {"eutree"}
-}
-LISTED = set(re.findall(r"^- `(eutree\.[\w.]+)`", PAGE.read_text(), re.MULTILINE))
 
 
 def is_public(module: str) -> bool:
@@ -52,13 +57,14 @@ def breaks(tree: ast.Module) -> Iterator[str]:
 
     Whole modules and packages are never taken: one could reach through them.
     """
+    core = sources("eutree")
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             yield from (a.name for a in node.names if a.name.split(".")[0] == "eutree")
         elif isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "eutree":
             module = node.module or ""
             for name in (alias.name for alias in node.names):
-                is_module = f"{module}.{name}" in CORE and name not in OFFERED.get(module, ())
+                is_module = f"{module}.{name}" in core and name not in offered_by(module)
                 if is_module or name.startswith("_") or name == "*" or not is_public(module):
                     yield f"{module}.{name}"
 
@@ -78,7 +84,11 @@ def words_of(tree: ast.Module) -> Iterator[str]:
 
 
 def test_the_lab_takes_only_what_is_public() -> None:
-    assert {module: found for module, tree in LAB.items() if (found := [*breaks(tree)])} == {}
+    assert {
+        module: found
+        for module, tree in sources("eutree_lab").items()
+        if (found := [*breaks(tree)])
+    } == {}
 
 
 @pytest.mark.parametrize(
@@ -104,17 +114,22 @@ def test_what_is_listed_is_there_and_needed() -> None:
     """An entry that the lab does not need is a promise for nothing."""
     taken = {
         node.module
-        for tree in LAB.values()
+        for tree in sources("eutree_lab").values()
         for node in ast.walk(tree)
         if isinstance(node, ast.ImportFrom)
     }
-    assert CORE.keys() - PACKAGES >= LISTED
+    assert sources("eutree").keys() - PACKAGES >= LISTED
     assert LISTED - taken == set()
 
 
 def test_the_core_does_not_name_the_lab() -> None:
     """Nor does it load it by a name; ``lint-imports`` sees only what is imported."""
-    found = {m for m, tree in CORE.items() for text in words_of(tree) if "eutree_lab" in text}
+    found = {
+        m
+        for m, tree in sources("eutree").items()
+        for text in words_of(tree)
+        if "eutree_lab" in text
+    }
     assert found == set()
 
 

@@ -3,9 +3,7 @@
 import importlib.util
 from pathlib import Path
 
-import matplotlib
 import pytest
-from matplotlib import pyplot
 
 FOLDER = Path(__file__).parents[2] / "docs" / "notebooks"
 NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
@@ -17,6 +15,16 @@ execute = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(execute)
 
 
+@pytest.fixture
+def no_figures() -> None:
+    """Close what another test drew; the first cell would show it."""
+    import matplotlib  # here: every process of the tests collects this file, few run it
+    from matplotlib import pyplot
+
+    matplotlib.use("agg")
+    pyplot.close("all")
+
+
 def kinds(notebook):
     """Return for each cell which kinds of output it has."""
     outputs = [cell.get("outputs", []) for cell in notebook["cells"]]
@@ -24,9 +32,8 @@ def kinds(notebook):
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.name)
+@pytest.mark.usefixtures("no_figures")
 def test_a_notebook_runs_and_holds_its_outputs(path: Path) -> None:
-    matplotlib.use("agg")
-    pyplot.close("all")  # what another test drew would be shown by the first cell
     stored, fresh = execute.read(path), execute.execute(path)
     assert kinds(fresh) == kinds(stored), "python docs/notebooks/execute.py writes them anew"
     assert [c["source"] for c in fresh["cells"]] == [c["source"] for c in stored["cells"]]
@@ -44,9 +51,8 @@ def test_a_cell_that_fails_fails(tmp_path: Path) -> None:
         execute.execute(tmp_path / "x.ipynb")
 
 
+@pytest.mark.usefixtures("no_figures")
 def test_a_cell_shows_what_it_prints_its_value_and_its_figures(tmp_path: Path) -> None:
-    matplotlib.use("agg")
-    pyplot.close("all")  # what another test drew would be shown by the first cell
     source = "import matplotlib.pyplot as plt\nplt.plot([1, 2])\nprint('x')\n3 + 4"
     execute.write(tmp_path / "x.ipynb", {"cells": [{"cell_type": "code", "source": [source]}]})
     first, second = (execute.execute(tmp_path / "x.ipynb") for _ in range(2))
