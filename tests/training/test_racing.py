@@ -10,6 +10,7 @@ from eutree.envs.experts import careless
 from eutree.errors import InvalidArgumentError, RunFolderError
 from eutree.interaction import GuardedEnv, episode_seed, run_episode
 from eutree.learners.episode_buffer import transitions_of
+from eutree.policy_search import climbing
 from eutree.training import proposals
 from eutree.training import search as search_module
 from eutree.training.proposals import PROMISING, SearchSettings, key
@@ -96,6 +97,8 @@ def test_a_search_that_is_stored_and_restored_ends_the_same(env, plain, monkeypa
     """A kill costs the episode under way, and nothing else; where it climbs, too."""
     monkeypatch.setattr(search_module, "LONG", long)
     monkeypatch.setattr(search_module, "TELLING", 8)
+    monkeypatch.setattr(climbing, "ANNEALED", 400)
+    monkeypatch.setattr(climbing, "TRIES", 200)
     brief = {"steps": 1_200, "model_steps": 500}
     searched = run(search_of(plain, **brief), env)
     again = run(
