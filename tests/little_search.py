@@ -12,7 +12,7 @@ from eutree.world_model import ensemble
 
 @contextmanager
 def little_search() -> Iterator[None]:
-    """Let a search by playing take a fiftieth of its steps, and a model of a tenth as many fits.
+    """Let a search by playing take at most a hundredth of its steps, a model a tenth of its fits.
 
     It plays from a fifth of the starts; the front of a run imagines a tenth of its steps, and many
     runs are compared by fewer episodes.
@@ -23,7 +23,7 @@ def little_search() -> Iterator[None]:
         return ensemble.fit_ensemble(data, few, generator)
 
     judging = {"selection_episodes": 50, "judging_episodes": 100}
-    front = {"STEPS": 300_000, "FEW_STEPS": 30_000, "STARTS": 200, "FEW_STARTS": 12}
+    front = {"STEPS": 100_000, "FEW_STEPS": 10_000, "STARTS": 200, "FEW_STARTS": 12}
     with (
         mock.patch.multiple("eutree.compression.front", **front),
         mock.patch("eutree.training.front.IMAGINED", 200),
