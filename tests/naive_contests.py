@@ -119,7 +119,7 @@ def smallest_near_best(table, *, sizes, episodes):
     return ("verdict", best)
 
 
-def ahead(table, *, looks, errors, final, patient, prices=None, known=None):
+def ahead(table, *, looks, errors, final, patient, rare_losses, prices=None, known=None):
     """Return what Ahead says, look by look and pair by pair."""
     prices = prices or [0.0] * len(table)
     alive = list(range(len(table)))
@@ -137,7 +137,7 @@ def ahead(table, *, looks, errors, final, patient, prices=None, known=None):
         saved = prices[0] - prices[challenger]
         sure = mean_of(gains[challenger]) + min(saved, 0.0)
         told = [table[tree][k] for tree in (0, challenger) for k in range(n)] + list(known or ())
-        stands = patient or n * mean + min(told) - max(told) > 0.0
+        stands = not rare_losses or n * mean + min(told) - max(told) > 0.0
         if stands and n >= 32 and sure > errors * error:
             return ("verdict", challenger)
         if stands and not patient and {8: 4.79, 16: 3.73}.get(n, math.inf) * error < sure:

@@ -11,7 +11,7 @@ from tests import naive_contests as naive
 from tests.contests.following import follow, seeds, world
 
 VARIANT = Ahead(errors=2.0, final=2.0)
-PATIENT = Ahead(looks=(8, 20, 40, 72, 136), errors=2.0, final=0.0, patient=True)
+PATIENT = Ahead(looks=(8, 20, 40, 72, 136), errors=2.0, final=0.0, patient=True, rare_losses=False)
 
 
 def told(rule, returns_of, n_trees=2):
@@ -29,16 +29,20 @@ def told(rule, returns_of, n_trees=2):
     seed=seeds,
     n_trees=st.integers(2, 9),
     patient=st.booleans(),
+    rare_losses=st.booleans(),
     errors=st.sampled_from([1.0, 2.0]),
     final=st.sampled_from([0.0, 1.0]),
     step=st.sampled_from([1e-6, 1.0]),
     priced=st.booleans(),
     known=st.sampled_from([None, (-20.0, 20.0)]),
 )
-def test_ahead_says_what_its_twin_says(seed, n_trees, patient, errors, final, step, priced, known):
+def test_ahead_says_what_its_twin_says(
+    seed, n_trees, patient, rare_losses, errors, final, step, priced, known
+):
     prices = tuple(0.3 * tree for tree in range(n_trees)) if priced else ()
     looks = PATIENT.looks if patient else Ahead().looks
     choices = {"looks": looks, "errors": errors, "final": final, "patient": patient}
+    choices["rare_losses"] = rare_losses
     rule = Ahead(**choices, prices=prices, known=known)
 
     def twin(table):

@@ -207,6 +207,33 @@ def test_a_limit_of_leaves_is_kept_whatever_it_costs(env, shown):
     assert result.policy.n_leaves <= 3
 
 
+@pytest.mark.parametrize("locks", [(), (0,)])
+def test_what_is_cut_together_races_with_the_rest(env, plain, monkeypatch, locks):
+    """The better half of six leaves is known to no pruning; locked leaves stay."""
+    large = policy_of(0, 1.0, 1, 2.0, 0, 3.0, 1, 4.0, 0, 7.0, 1)
+    policy = replace(large, locked=locks)
+    data = transitions_of(plain.history, policy.schema.n_actions)
+    settings = SearchSettings(steps=3_000, model_steps=2_000, max_leaves=3)
+    search = PolicySearch(policy, data, settings, seed=1, max_episode_steps=10)
+    proposed = []
+    cut = proposals.Proposals.cut_together
+
+    def noted(self, *arguments):
+        proposed.extend(cut(self, *arguments))
+        return iter(proposed)
+
+    monkeypatch.setattr(proposals.Proposals, "cut_together", noted)
+    found = run(search, env)
+    assert 1 <= len(proposed) <= proposals.KEPT
+    assert all(tree.n_leaves <= 3 + 2 * len(locks) for tree in proposed)
+    rows = plain.history.observations
+    for tree in proposed:
+        there = np.isin(policy.tree.leaf_index(rows), locks)
+        decided = tree.actions[tree.tree.leaf_index(rows)]
+        assert np.array_equal(decided[there], policy.actions[policy.tree.leaf_index(rows)][there])
+    assert found.raced.steps <= 3_000
+
+
 def test_a_limit_of_leaves_is_kept_where_time_ends_before_the_race(env, shown):
     large = policy_of(0, 1.0, 1, 2.0, 0, 3.0, 1, 4.0, 0, 7.0, 1)
     result = eutree.learn(

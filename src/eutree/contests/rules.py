@@ -199,9 +199,9 @@ class Ahead:
     errors: float = 1.0  # standard errors ahead that win
     final: float = 1.0  # those that win at the last look, and where no more episodes can be run
     # Whether nobody wins or loses on fewer than 32 pairs, or loses before it is a standard error
-    # behind; else the last challenger leaves as soon as it is not ahead. The pair in which it loses
-    # is not asked of a patient contest.
+    # behind; else the last challenger leaves as soon as it is not ahead
     patient: bool = False
+    rare_losses: bool = True  # whether it has to be ahead with that one more pair, too
     # Return that each tree has to earn for its leaves; empty for none
     prices: tuple[float, ...] = ()
     # Lowest and highest return of an episode, as far as they are known
@@ -258,7 +258,7 @@ class Ahead:
         mean, n = lead.mean + saved, lead.pairs
         sure = lead.mean + min(saved, 0.0)
         low, high = seen_range(now[[0, challenger]], self.known)
-        stands = self.patient or n * mean > high - low
+        stands = not self.rare_losses or n * mean > high - low
         if stands and n >= ENOUGH and sure > self.errors * lead.error:
             return True
         if stands and not self.patient and n in OBVIOUS and sure > OBVIOUS[n] * lead.error:

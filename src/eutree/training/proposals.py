@@ -97,7 +97,7 @@ ROUGH = 5  # times fewer rollouts are enough to anneal
 TOGETHER, KEPT = 20, 4  # trees annealed together, and how many of them are proposed
 SPARE = 10  # leaves above those allowed with which they begin
 HERDED = 300  # rollouts that judge their changes, at most
-CHANGES, CHANGED_STEPS = 4000, 500_000_000  # of each, and their steps in the world model, at most
+CHANGES, CHANGED_STEPS = 6000, 500_000_000  # of each, and their steps in the world model, at most
 MOST_RUNGS = 12  # prunings that race
 MOST_KNOWN = 50_000  # transitions that models are fitted to
 RECENT = 300  # episodes whose advantages are known
@@ -256,7 +256,9 @@ class Proposals:
             own: Real episodes of it.
             episodes: All episodes run so far.
         """
-        rollouts = self._rollouts(self._closest(policy, own, episodes))
+        missed = [(self._missed(one, policy, own).mean(), one) for one in self._models(episodes)]
+        model = min(missed, key=lambda item: item[0])[1]
+        rollouts = self._rollouts(model)
         yield from self._changed(rollouts, from_decision_tree(policy.tree, policy.actions))
         known = self._data.followed_by(episodes)
         for start in restarts(known, max_leaves=LARGER * self.max_leaves):
@@ -269,9 +271,12 @@ class Proposals:
     ) -> Iterator[TreePolicy]:
         """Yield the best of what a larger policy and trees of good episodes become together.
 
-        Arguments are those of ``climbed``.
+        Nothing where no model foretells the policy's return. Arguments are those of ``climbed``.
         """
-        rollouts = self._rollouts(self._closest(policy, own, episodes))
+        believed = self._foretold(policy, own, (), episodes)
+        if believed is None:
+            return
+        rollouts = self._rollouts(believed[0])
         larger = replace(self._improvement, max_leaves=self.max_leaves + SPARE)
         known = self._data.followed_by(episodes)
         grown = restarts(known, max_leaves=LARGER * self.max_leaves)
@@ -308,9 +313,7 @@ class Proposals:
     ) -> tuple[tuple[TreePolicy, ...], tuple[float, ...]]:
         """Return the challengers that promise most, and the guessed return of each.
 
-        It is the tree's return in the first of the models that foretells the incumbent's mean
-        return, or in a later one that is obviously closer to its returns from the same starts.
-        Where none foretells it all are returned, without a guess.
+        Where no model foretells the policy's return all are returned, without a guess.
 
         Args:
             policy: The incumbent.
@@ -318,28 +321,43 @@ class Proposals:
             challengers: The trees that may race.
             episodes: All episodes run so far.
         """
-        lead = Lead.of(np.array([episode.undiscounted_return for episode in own]))
-        low, high = self.range_seen(episodes)
-        reach = SURE * lead.error + NEAR * self._scale + (high - low) / len(own)
-        foretold: list[float] = []
-        missed: Floats | None = None  # by the model that is closest so far
-        for model in self._models(episodes):
-            expected, *guesses = self._returns(model, [policy, *challengers]).tolist()
-            if abs(expected - lead.mean) > reach:
-                continue
-            if len(own) < TELLING:
-                foretold = guesses
-                break
-            now = self._missed(model, policy, own)
-            closer = None if missed is None else Lead.of(missed - now)
-            if closer is None or closer.mean > OBVIOUS[TELLING] * closer.error:
-                foretold, missed = guesses, now
-        if not foretold:
+        found = self._foretold(policy, own, challengers, episodes)
+        if found is None:
             return tuple(challengers), ()
+        _, foretold = found
         sizes = np.array([one.n_leaves for one in challengers])
         worth = np.array(foretold) - self.leaf_price * sizes
         best = np.argsort(-worth, kind="stable")[:PROMISING].tolist()
         return tuple(challengers[k] for k in best), tuple(foretold[k] for k in best)
+
+    def _foretold(
+        self,
+        policy: TreePolicy,
+        own: Sequence[Episode],
+        trees: Sequence[TreePolicy],
+        episodes: Sequence[Episode],
+    ) -> tuple[WorldModel, list[float]] | None:
+        """Return the model to believe and the returns of trees in it; None if there is none.
+
+        It is the first that foretells the policy's mean return, or a later one that does and is
+        obviously closer to its returns from the same starts.
+        """
+        lead = Lead.of(np.array([episode.undiscounted_return for episode in own]))
+        low, high = self.range_seen(episodes)
+        reach = SURE * lead.error + NEAR * self._scale + (high - low) / len(own)
+        found: tuple[WorldModel, list[float]] | None = None
+        missed: Floats | None = None  # by the model that is closest so far
+        for model in self._models(episodes):
+            expected, *guesses = self._returns(model, [policy, *trees]).tolist()
+            if abs(expected - lead.mean) > reach:
+                continue
+            if len(own) < TELLING:
+                return model, guesses
+            now = self._missed(model, policy, own)
+            closer = None if missed is None else Lead.of(missed - now)
+            if closer is None or closer.mean > OBVIOUS[TELLING] * closer.error:
+                found, missed = (model, guesses), now
+        return found
 
     def prices(self, trees: Sequence[TreePolicy]) -> tuple[float, ...]:
         """Return the return that each tree has to earn for its leaves."""
@@ -369,13 +387,6 @@ class Proposals:
             there.run(tree)
             missed.append(abs(episode.undiscounted_return - there.mean_return))
         return np.array(missed)
-
-    def _closest(
-        self, policy: TreePolicy, own: Sequence[Episode], episodes: Sequence[Episode]
-    ) -> WorldModel:
-        """Return the model that misses a policy's real episodes least."""
-        missed = [(self._missed(one, policy, own).mean(), one) for one in self._models(episodes)]
-        return min(missed, key=lambda item: item[0])[1]
 
     def _models(self, episodes: Sequence[Episode]) -> Iterator[WorldModel]:
         """Yield the world models that propose."""

@@ -45,6 +45,7 @@ OF_ONE_ERRORS, OF_MANY_ERRORS = 1.0, 2.0  # standard errors that win: of one cha
 CLIMBS, MOST_OF_CLIMBED = 2, 256  # rounds in which trees climb, at most; episodes of their race
 TELLING = 64  # episodes of the incumbent that tell which model is closest
 LONG, LONG_OF_MANY = (128, 256, 512), (4, 8, 16, 128, 256)  # looks of a long test; of one of many
+PATIENT = (32, 64)  # looks of a test that nobody loses by the first few pairs
 IDLE = 100  # of those tried, without a step: nothing is left to vary
 STAGES = ("begin", "cut", "propose", "climb", "race", "prove", "vary", "end")
 
@@ -134,6 +135,7 @@ class PolicySearch:
         self._proposals = Proposals(policy, data, settings, self._generator)
         self._max_leaves = self._proposals.max_leaves
         self._spared = 2 * LONG[-1] * data.mean_length  # steps of a long test to its end
+        self._patience = 2 * PATIENT[-1] * data.mean_length  # those of a patient one
         self.state = SearchState("begin", policy)
         self._known: Advantages | None = None
         self._stages = self._go_on()
@@ -358,7 +360,9 @@ class PolicySearch:
         known = self._proposals.range_seen(self.raced.all)
         rule = Ahead(errors=errors, final=errors, prices=self._proposals.prices(trees), known=known)
         if state.stage == "prove" and self._spared <= state.limit - self.raced.steps:
-            rule = replace(rule, looks=LONG, patient=True)
+            rule = replace(rule, looks=LONG, patient=True, rare_losses=False)
+        elif state.stage == "prove" and self._patience <= ROUND_SHARE * self._settings.steps:
+            rule = replace(rule, looks=PATIENT, patient=True)
         elif state.climbs:
             rule = replace(rule, looks=LONG_OF_MANY)
         verdict = yield from self.raced.hold(rule, state.starts, trees)

@@ -330,7 +330,14 @@ class Races:
         """Let a race be under way."""
         leaves = (n_leaves(self.trees[one].tree) for one in self.entrants)
         prices = tuple(self._price * n for n in leaves)
-        self.rule = Ahead(looks=tuple(looks), errors=SURE, final=0.0, patient=True, prices=prices)
+        self.rule = Ahead(
+            looks=tuple(looks),
+            errors=SURE,
+            final=0.0,
+            patient=True,
+            rare_losses=False,
+            prices=prices,
+        )
         self.table = table
 
     def _call(self) -> None:
