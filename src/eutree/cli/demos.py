@@ -293,11 +293,11 @@ def import_(
     if kind == "minari":
         loaded = replace(Demonstrations.from_minari(source.removeprefix("minari:")), **known)
     elif kind == "csv":
-        *read, rows["filled"], rows["left out"] = read_csv(
+        episodes, schema, rows["filled"], rows["left out"] = read_csv(
             source, known.get("schema"), columns=columns, delimiter=delimiter, log=log_format
         )
         with blamed(source):
-            loaded = Demonstrations(*read, known.get("environment"), Path(source).stem)
+            loaded = Demonstrations(episodes, schema, known.get("environment"), Path(source).stem)
     else:
         loaded = Demonstrations.from_npz(source, **known)
     if not any(map(len, loaded.episodes)):

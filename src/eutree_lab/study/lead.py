@@ -370,7 +370,7 @@ class StudyTree(PageTree):
     """
 
     def __init__(self, folder: Path, spec: EnvironmentSpec, plan: StudyPlan) -> None:
-        super().__init__(folder / DEMOS, spec, lambda: make(spec), seed=plan.seed)
+        super().__init__(folder / DEMOS, lambda: make(spec), seed=plan.seed)
         self._person, self._watched = folder, plan.watched
         self.results: list[TreeResult] = []
         self.failed = False
