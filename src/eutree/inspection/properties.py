@@ -147,10 +147,7 @@ class _PropertyParser:
     def _levels(self, control: int) -> frozenset[int]:
         """Return the actions that set a quantity as the next words say: ``<= 25``."""
         holds = _HOLDS[self._comparison()]
-        value = _number(self._next("a number"))
-        if value is None:
-            self._fail(f"a number, got {self.tokens[self.at - 1]!r}")
-        self._skip(self.schema.controls[control].unit)
+        value = self._amount(self.schema.controls[control].unit)
         levels = [values[control] for values in self.schema.action_values]
         found = frozenset(action for action, level in enumerate(levels) if holds(level, value))
         if not found or len(found) == len(levels):
@@ -182,12 +179,7 @@ class _PropertyParser:
             self._fail(f"'is' after {groups[feature - self.schema.n_features]!r}")
         if number is None or self._peek() in _FLIPPED:
             comparison = self._comparison()
-            token = self._next("a number")
-            right = _number(token)
-            if right is None:
-                self._fail(f"a number, got {token!r}")
-            bounds.append((comparison, right))
-            self._skip(self.schema.features[feature].unit)
+            bounds.append((comparison, self._amount(self.schema.features[feature].unit)))
         for comparison, value in bounds:
             self._narrow(feature, comparison, value)
         return None
@@ -219,8 +211,10 @@ class _PropertyParser:
         if not members:
             codes = features[place].low + np.array(left, dtype=np.float64)
             runs = np.split(codes, np.flatnonzero(np.diff(codes) > 1.0) + 1)
-            known_runs = [(float(run[0] - 1.0), float(run[-1])) for run in runs if run.size]
-            self.runs[place] = _meeting(self.runs.get(place), known_runs)
+            these = [(float(run[0] - 1.0), float(run[-1])) for run in runs if run.size]
+            others = self.runs.get(place, [(-np.inf, np.inf)])
+            both = [(max(a, c), min(b, d)) for a, b in others for c, d in these]
+            self.runs[place] = [(low, high) for low, high in both if low < high]
 
     def _categories(self, known: tuple[str, ...]) -> set[str]:
         """Return the categories that are named next, with commas between them."""
@@ -286,11 +280,16 @@ class _PropertyParser:
             raise UnknownNameError(kind, token, names)
         return names.index(token)
 
-    def _skip(self, unit: str) -> None:
-        """Pass over a unit, which may follow a number."""
+    def _amount(self, unit: str) -> float:
+        """Return the next number, and pass over its unit, which may follow."""
+        token = self._next("a number")
+        value = _number(token)
+        if value is None:
+            self._fail(f"a number, got {token!r}")
         words = unit.split()
-        if words and self.tokens[self.at : self.at + len(words)] == words:
+        if self.tokens[self.at : self.at + len(words)] == words:
             self.at += len(words)
+        return value
 
     def _peek(self) -> str:
         return self.tokens[self.at] if self.at < len(self.tokens) else ""
@@ -312,16 +311,6 @@ class _PropertyParser:
 
     def _fail(self, wanted: str) -> NoReturn:
         raise InvalidArgumentError(f"property {self.text!r} must have {wanted}")
-
-
-def _meeting(
-    runs: list[tuple[float, float]] | None, others: list[tuple[float, float]]
-) -> list[tuple[float, float]]:
-    """Return where some intervals, or anything, meet others."""
-    if runs is None:
-        return others
-    both = [(max(a, c), min(b, d)) for a, b in runs for c, d in others]
-    return [(low, high) for low, high in both if low < high]
 
 
 def _number(token: str) -> float | None:
