@@ -130,8 +130,7 @@ class Intervals:
 
     def square(self) -> "Intervals":
         """Return the squares, none of which is below 0."""
-        ends = self.low * self.low, self.high * self.high
-        found = _hull(*ends)
+        found = _hull(self.low * self.low, self.high * self.high)
         holds_zero = (self.low <= 0) & (self.high >= 0)
         return Intervals(np.where(holds_zero, 0.0, np.maximum(found.low, 0.0)), found.high)
 
@@ -172,12 +171,10 @@ class Intervals:
         return Truth(self.high < other.low, ~(self.low >= other.high))
 
     def __ge__(self, other: Number) -> Truth:
-        other = Intervals.of(other)
-        return Truth(self.low >= other.high, ~(self.high < other.low))
+        return ~(self < other)
 
     def __gt__(self, other: Number) -> Truth:
-        other = Intervals.of(other)
-        return Truth(self.low > other.high, ~(self.high <= other.low))
+        return ~(self <= other)
 
 
 def where(truth: Truth, one: Number, other: Number) -> Intervals:

@@ -180,15 +180,13 @@ class _Proof:
             work = {"boxes": layers.most, "box_steps": spent, "steps": steps, "refined": refine}
             if steps == self._horizon:
                 return self._certificate(PROVEN, work=work)
-            found = self._broken_from(self._worst_starts()) if refine == 1 else None
-            if found is not None:
-                return self._certificate(REFUTED, counterexample=found, work=work)
+            if refine == 1:
+                acting = Acting(self._policy, self._plant)
+                starts = worst_starts(acting, self._plant, self._harm, self._horizon)
+                if found := self._broken_from(starts):
+                    return self._certificate(REFUTED, counterexample=found, work=work)
         more = f"; it is proven for the first {steps} steps"
         return self._certificate(UNDECIDED, more, undecided=1.0, work=work)
-
-    def _worst_starts(self) -> Floats:
-        acting = Acting(self._policy, self._plant)
-        return worst_starts(acting, self._plant, self._harm, self._horizon)
 
     def for_ever(self) -> Certificate:
         """Return whether the conditions hold at every step of an episode without an end."""
@@ -247,9 +245,8 @@ class _Proof:
         return ~inside if self._asked.kind == "stays" else inside
 
     def _check_start(self) -> None:
-        start = np.array(self._plant.start)
-        state = [Intervals(low[None], high[None]) for low, high in start[:, :, None]]
-        if self._broken([Intervals(one.low[0], one.high[0]) for one in state]).maybe.any():
+        start = np.array(self._plant.start)[:, :, None]
+        if self._broken([Intervals(low, high) for low, high in start]).maybe.any():
             raise InvalidArgumentError(
                 f"property {self._asked.text!r} must hold where episodes begin, in "
                 f"{dict(zip(self._plant.state, self._plant.start, strict=True))}"

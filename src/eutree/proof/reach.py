@@ -169,9 +169,8 @@ class Reach:
 
     def pieces(self) -> Pieces:
         """Return the pieces of the starts, and when the event happens to each."""
-        boxes = self._next(None)
         with np.errstate(all="ignore"):  # a number without bounds is NaN, and then nothing is sure
-            self._carry(boxes)
+            self._carry(self._next(None))
         return self._joined()
 
     def _carry(self, boxes: _Boxes) -> None:
@@ -244,8 +243,7 @@ class Reach:
         if perhaps.any():
             cut = perhaps & self._is_wide(boxes)
             self._cut(boxes[cut])
-            small = perhaps & ~cut
-            boxes = self._marked(boxes, small)
+            boxes = self._marked(boxes, perhaps & ~cut)
             over = over | cut
         late = ~over & (boxes.steps >= self._horizon)
         self._keep_never(boxes[late])
@@ -299,14 +297,8 @@ class Reach:
         halves = middle(boxes.start_low[widest, column], boxes.start_high[widest, column])
         low, high = boxes.start_low.copy(), boxes.start_high.copy()
         high[widest, column] = low[widest, column] = halves
-        self._waiting.append(
-            _Boxes.joined(
-                [
-                    _Boxes.beginning(boxes.start_low, high, self._varies),
-                    _Boxes.beginning(low, boxes.start_high, self._varies),
-                ]
-            )
-        )
+        lows, highs = np.hstack([boxes.start_low, low]), np.hstack([high, boxes.start_high])
+        self._waiting.append(_Boxes.beginning(lows, highs, self._varies))
 
     def _give_up(self, boxes: _Boxes) -> None:
         """Note that the event may happen to pieces from the next step on, or never."""
