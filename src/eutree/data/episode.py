@@ -291,17 +291,16 @@ def _episode(
         raise InvalidArgumentError(
             f"rows {rows.start} to {rows.stop - 1} must be one episode, but it ends before the last"
         )
-    here, kept = before[rows], rows
+    observations, kept = before[rows], rows
     if after is None:
         kept = slice(rows.start, rows.stop - 1)
-        observations = here
+    elif np.array_equal(after[rows][:-1], observations[1:]):
+        observations = np.concatenate([observations, after[rows][-1:]])
     else:
-        if not np.array_equal(after[rows][:-1], here[1:]):
-            raise InvalidArgumentError(
-                f"next_observations must be the observations one row later within an episode; "
-                f"they differ in rows {rows.start} to {rows.stop - 1}"
-            )
-        observations = np.concatenate([here, after[rows][-1:]])
+        raise InvalidArgumentError(
+            f"next_observations must be the observations one row later within an episode; "
+            f"they differ in rows {rows.start} to {rows.stop - 1}"
+        )
     is_terminated, is_truncated = bool(terminated[-1]), bool(truncated[-1])
     cut_short = after is None  # the step that ended the episode is the one that is dropped
     return Episode(

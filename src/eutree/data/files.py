@@ -37,7 +37,7 @@ from eutree.schema import EnvironmentSpec, Schema
 from eutree.validation import check_finite
 
 _ARRAYS = {"observations": "<f8", "actions": "<i8", "rewards": "<f8"}
-_STEPS = "steps_"
+STEPS = "steps_"  # before the name of an array of ``Episode.steps``
 
 
 class EpisodeDocument(Document, frozen=True, kw_only=True, omit_defaults=True):
@@ -69,7 +69,7 @@ def episode_to_bytes(episode: Episode) -> bytes:
     check_finite("observations", episode.observations)
     check_finite("rewards", episode.rewards)
     arrays = {name: getattr(episode, name) for name in _ARRAYS}
-    arrays |= {_STEPS + name: array for name, array in episode.steps.items()}
+    arrays |= {STEPS + name: array for name, array in episode.steps.items()}
     data = encode_archive(arrays, episode_document(episode))
     if len(data) > MAX_ARCHIVE:  # never write a file too large to read
         raise InvalidArgumentError(f"{len(data):,} bytes are more than the {MAX_ARCHIVE:,} allowed")
@@ -85,29 +85,21 @@ def episode_document(episode: Episode) -> EpisodeDocument:
 def episode_from_bytes(data: bytes, path: str | Path) -> Episode:
     """Return the episode that the bytes hold, all rules checked; ``path`` is for the messages."""
     document, arrays = decode_archive(data, EpisodeDocument, path)
-    steps = {
-        name.removeprefix(_STEPS): arrays.pop(name)
-        for name in sorted(arrays)
-        if name.startswith(_STEPS)
-    }
     for name, element_type in _ARRAYS.items():
         if name not in arrays:
             raise FormatError(path, f"{name}.npy", "missing")
         if arrays[name].dtype.str != element_type:
             reason = f"must hold {np.dtype(element_type)}, got {arrays[name].dtype}"
             raise FormatError(path, f"{name}.npy", reason)
-    if unexpected := sorted(arrays.keys() - _ARRAYS):
+    if unexpected := sorted(n for n in arrays.keys() - _ARRAYS if not n.startswith(STEPS)):
         raise FormatError(path, f"{unexpected[0]}.npy", "unexpected member")
-    return episode_from_document(document, arrays, steps, path)
+    return episode_from_document(document, arrays, path)
 
 
 def episode_from_document(
-    document: EpisodeDocument,
-    arrays: dict[str, NDArray[Any]],
-    steps: dict[str, NDArray[Any]],
-    path: str | Path,
+    document: EpisodeDocument, arrays: dict[str, NDArray[Any]], path: str | Path
 ) -> Episode:
-    """Return the episode of a document, of ``observations``, ``actions``, ``rewards``, and steps.
+    """Return the episode of a document and of its arrays, which are named as in its file.
 
     Raises:
         FormatError: They do not fit each other, or hold NaN or an infinity; ``path`` is blamed.
@@ -118,7 +110,9 @@ def episode_from_document(
         check_finite("observations", arrays["observations"])
         check_finite("rewards", arrays["rewards"])
         said: dict[str, Any] = {name: getattr(document, name) for name in _SAID}
-        return Episode(**arrays | said, steps=steps)
+        said |= {name: arrays[name] for name in _ARRAYS}
+        named = sorted(name for name in arrays if name.startswith(STEPS))
+        return Episode(**said, steps={name.removeprefix(STEPS): arrays[name] for name in named})
 
 
 HEADER = "demonstrations.json"

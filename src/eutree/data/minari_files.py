@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from eutree.data.episode import Episode
 from eutree.data.files import (
+    STEPS,
     DemonstrationsDocument,
     EpisodeDocument,
     demonstrations_document,
@@ -40,9 +41,6 @@ KEY = "eutree"
 ENV_SPEC = "env_spec"  # Minari's own key, read by ``recover_environment``
 
 _ID = re.compile(r"(?:[-_\w]+/)*[-_\w]+-v\d+")
-_STEPS = "steps_"
-
-
 _Content = tuple[tuple[Episode, ...], Schema, EnvironmentSpec | None, str]
 
 
@@ -230,13 +228,9 @@ def _episode(data: Any, note: dict[str, Any], first_action: int, name: str) -> E
     }
     if KEY in note:
         document = decode_document(str(note[KEY]).encode(), EpisodeDocument, name)
-        infos = data.infos or {}
-        steps = {
-            key.removeprefix(_STEPS): np.asarray(infos[key])
-            for key in sorted(infos)
-            if key.startswith(_STEPS)
-        }
-        return episode_from_document(document, arrays, steps, name)
+        infos = (data.infos or {}).items()
+        arrays |= {key: np.asarray(rows) for key, rows in infos if key.startswith(STEPS)}
+        return episode_from_document(document, arrays, name)
     terminated = bool(np.any(data.terminations))
     truncated = bool(np.any(data.truncations)) and not terminated
     document = EpisodeDocument(
@@ -249,7 +243,7 @@ def _episode(data: Any, note: dict[str, Any], first_action: int, name: str) -> E
         comment="",
         extras={},
     )
-    return episode_from_document(document, arrays, {}, name)
+    return episode_from_document(document, arrays, name)
 
 
 def _buffer(number: int, episode: Episode) -> Any:
@@ -265,5 +259,5 @@ def _buffer(number: int, episode: Episode) -> Any:
         rewards=episode.rewards,
         terminations=last & episode.terminated,
         truncations=last & episode.truncated,
-        infos={_STEPS + name: array for name, array in episode.steps.items()} or None,
+        infos={STEPS + name: array for name, array in episode.steps.items()} or None,
     )

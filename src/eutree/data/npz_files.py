@@ -143,10 +143,9 @@ def _trajectories(arrays: _Arrays) -> tuple[Episode, ...]:
         raise InvalidArgumentError(f"indices must rise from 0 to at most {len(acts)}")
     before = np.concatenate([np.arange(b, e) + k for k, (b, e) in enumerate(spans)])
     starts, terminated = np.zeros(len(acts), dtype=bool), np.zeros(len(acts), dtype=bool)
-    lasts = [(k, b, e - 1) for k, (b, e) in enumerate(spans) if e > b]
-    for k, begin, last in lasts:
-        starts[begin] = True
-        terminated[last] = bool(terminal[k])
+    for is_end, (begin, end) in zip(terminal, spans, strict=True):
+        if begin < end:
+            starts[begin], terminated[end - 1] = True, is_end
     return episodes_from_rows(
         obs[before],
         acts,
