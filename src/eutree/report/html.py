@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
 from importlib.resources import files
+from string import Template
 from typing import Any
 
 import numpy as np
@@ -50,24 +51,13 @@ def page(*, title: str, body: str, style: str, script: str = "", data: Any = Non
         "form-action": "'none'",
     }
     policy = "; ".join(f"{name} {value}" for name, value in sources.items())
-    parts = [
-        "<!doctype html>",
-        '<html lang="en">',
-        "<head>",
-        '<meta charset="utf-8">',
-        f'<meta http-equiv="Content-Security-Policy" content="{policy}">',
-        '<meta name="viewport" content="width=device-width, initial-scale=1">',
-        '<meta name="referrer" content="no-referrer">',
-        f"<title>{escape(title)}</title>",
-        f"<style>{style}</style>",
-        "</head>",
-        f"<body>\n{body}",
-    ]
+    parts = [body]
     if data is not None:
         parts.append(f'<script type="application/json" id="data">{as_json(data)}</script>')
     if script:
         parts.append(f"<script>{script}</script>")
-    return "\n".join([*parts, "</body>", "</html>"]) + "\n"
+    known = {"policy": policy, "title": escape(title), "style": style, "body": "\n".join(parts)}
+    return Template(asset("frame.html")).substitute(known)
 
 
 def as_json(data: Any) -> str:
