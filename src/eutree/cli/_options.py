@@ -31,18 +31,11 @@ _LINE = "eutree.line"  # and the words that were given
 _JSON = "eutree.json"  # and whether one JSON object is wanted
 _ONE_OBJECT = "Print exactly one JSON object on standard output."
 _SHARED: Mapping[str, Sequence[str]] = {
-    "The environment": (
-        "env_arguments",
-        "decode",
-        "action_grid",
-        "import",
-        "names",
-        "derive",
-        "strict",
-    ),
+    "The environment": ("env_arguments", "decode", "action_grid", "import", "names", "derive",
+                        "strict"),
     "Several processes": ("n_jobs", "backend", "address"),
     "Everywhere": ("seed", "as_json", "help_all", "help"),
-}
+}  # fmt: skip
 # The files of runs, demonstrations and studies; others in their folders may be overwritten.
 PARTS = re.compile(
     r"(runs/\d+/)?((config|command|policy|learned|expert|demonstrations)\.json|checkpoint\.npz"
@@ -64,15 +57,7 @@ class ResultCommand(click.Command):
 
     def __init__(self, *arguments: Any, **more: Any) -> None:
         super().__init__(*arguments, **more)
-        self.params.append(
-            click.Option(
-                ["--json", "as_json"],
-                is_flag=True,
-                expose_value=False,
-                callback=lambda context, _, given: context.meta.update({_JSON: given}),
-                help=_ONE_OBJECT,
-            )
-        )
+        self.params.append(_flag("--json", "as_json", callback=_use_json, help=_ONE_OBJECT))
 
     def invoke(self, ctx: click.Context) -> None:
         """Run the command, and print its result."""
@@ -81,6 +66,14 @@ class ResultCommand(click.Command):
             Output(as_json=wants_json()).result(result.values, result.text)
             if result.exit_code:
                 ctx.exit(result.exit_code)
+
+
+def _flag(*names: str, **more: Any) -> click.Option:
+    return click.Option(names, is_flag=True, expose_value=False, **more)
+
+
+def _use_json(context: click.Context, parameter: click.Parameter, given: bool) -> None:
+    context.meta[_JSON] = given
 
 
 def wants_json() -> bool:
@@ -108,16 +101,8 @@ class Helped(ResultCommand):
         super().__init__(*arguments, **more)
         self._groups = {**(groups or {}), **_SHARED}
         self._brief = brief
-        self.params.append(
-            click.Option(
-                ["--help-all"],
-                is_flag=True,
-                is_eager=True,
-                expose_value=False,
-                callback=_show_all,
-                help="Show every option, and exit.",
-            )
-        )
+        text = "Show every option, and exit."
+        self.params.append(_flag("--help-all", is_eager=True, callback=_show_all, help=text))
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Read the arguments, and keep them as they were given."""
@@ -420,65 +405,40 @@ def _parsed(value: str) -> Any:
 as_json = click.option("--json", "as_json", is_flag=True, help=_ONE_OBJECT)
 seed = count("--seed", 0, "Seed; the same seed gives the same bytes.", least=0, most=MAX_SEED)
 monotone = click.option(
-    "--monotone",
-    multiple=True,
-    metavar="RULE",
+    "--monotone", multiple=True, metavar="RULE",
     help="A rule that the tree keeps: 'stop in distance', raising it never leads away from stop; "
     "'go in falling speed when ...', as verify has them. May be repeated.",
-)
+)  # fmt: skip
 module = click.option(
-    "--import",
-    metavar="MODULE",
-    expose_value=False,
-    callback=_import_module,
+    "--import", metavar="MODULE", expose_value=False, callback=_import_module,
     help="Python module, installed or in this folder, that registers your environment.",
-)
+)  # fmt: skip
 # Of every command that makes an environment: ``env_arguments`` is a dict, with what ``--decode``
 # and ``--action-grid`` ask for; the others are obeyed before the command begins.
 environment = together(
     click.option(
-        "--env-arg",
-        "env_arguments",
-        multiple=True,
-        metavar="KEY=VALUE",
-        callback=_parse_arguments,
+        "--env-arg", "env_arguments", multiple=True, metavar="KEY=VALUE", callback=_parse_arguments,
         help="Argument of the environment, for example opponent_speed=4.2. May be repeated.",
     ),
-    click.option(
-        "--decode",
-        is_flag=True,
-        is_eager=True,  # before --env-arg, to which it adds
-        expose_value=False,
-        callback=_decode,
+    click.option(  # eager: before --env-arg, to which it adds
+        "--decode", is_flag=True, is_eager=True, expose_value=False, callback=_decode,
         help="Observe what the environment's codes stand for, by its own method decode (Taxi).",
     ),
-    click.option(
-        "--action-grid",
-        multiple=True,
-        is_eager=True,  # as --decode
-        expose_value=False,
+    click.option(  # eager as --decode
+        "--action-grid", multiple=True, is_eager=True, expose_value=False, callback=_grid,
         metavar="NAME=LEVEL,...",
-        callback=_grid,
         help="For continuous actions: the levels to choose from, valve=0,50,100 or "
         "'valve [%]=0:100:5' (five from 0 to 100). One for each number of the action, in order.",
     ),
     module,
     click.option(
-        "--derive",
-        multiple=True,
-        metavar="NAME=FORMULA",
-        expose_value=False,
-        callback=_derive,
+        "--derive", multiple=True, metavar="NAME=FORMULA", expose_value=False, callback=_derive,
         help="A feature made of others: 'fall = level - last(level)'; or a file with one a line. "
         "May be repeated. fit --derive auto proposes some.",
     ),
-    click.option(
-        "--names",
-        type=click.Path(path_type=Path),
-        metavar="FILE",
-        expose_value=False,
-        callback=_use_names,
-        help='Names for an environment without: {"features": ["room [°C]", "hour [h]"], '
+    path(
+        "--names", metavar="FILE", expose_value=False, callback=_use_names,
+        text='Names for an environment without: {"features": ["room [°C]", "hour [h]"], '
         '"actions": ["off", "on"], "derived": ["warmth = room * hour"]}.',
     ),
-)
+)  # fmt: skip

@@ -33,25 +33,12 @@ _EXAMPLE = "eutree distill eutree/Evasion2-v0 --expert gate --max-leaves 8 --out
 @option.command("eutree fit demos/ --out expert.json")
 @click.argument("demonstrations", type=click.Path(path_type=Path))
 @option.output("--out", text="File to write.", required=True)
-@option.count(
-    "--episodes",
-    200,
-    "Fresh episodes that judge the tree; choosing takes three times as many and more. 0: play "
-    "nothing.",
-    least=0,
-)
-@option.count(
-    "--practise",
-    0,
-    "Go on with so many episodes of learning; the better of both trees is kept.",
-    least=0,
-)
-@option.count(
-    "--history",
-    None,
-    "Previous observations as features; by default 0, or 1 where that explains more.",
-    least=0,
-)
+@option.count("--episodes", 200, "Fresh episodes that judge the tree; choosing takes three times "
+              "as many and more. 0: play nothing.", least=0)  # fmt: skip
+@option.count("--practise", 0, "Go on with so many episodes of learning; the better of both trees "
+              "is kept.", least=0)  # fmt: skip
+@option.count("--history", None, "Previous observations as features; by default 0, or 1 where that "
+              "explains more.", least=0)  # fmt: skip
 @click.option("--release-8", is_flag=True, help="C4.5 of release 8 as it is; choose nothing.")
 @option.count(
     "--min-objects", None, "C4.5's m, chosen by you: the fewest transitions on a side of a test."

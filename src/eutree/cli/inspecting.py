@@ -173,13 +173,8 @@ def verify(
               help="Accept a file that was changed by hand; without --out it is written "
               "again where it is.")  # fmt: skip
 @option.output("--out", text="File to write; without it the tree is shown with its numbers.")
-@option.count(
-    "--episodes",
-    100,
-    "Episodes of the evaluation before and after, where the policy's file "
-    "names its environment; 0 for none.",
-    least=0,
-)
+@option.count("--episodes", 100, "Episodes of the evaluation before and after, where the policy's "
+              "file names its environment; 0 for none.", least=0)  # fmt: skip
 @option.environment
 @option.seed
 def edit(

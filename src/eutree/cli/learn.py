@@ -78,10 +78,8 @@ if TYPE_CHECKING:
               "corrected (the default of --offline).")  # fmt: skip
 @click.option("--set", "changes", multiple=True, metavar="KEY=VALUE",
               help="A choice of the method, for example price=0.004. May be repeated.")  # fmt: skip
-@option.path(
-    "--settings",
-    text="TOML file of choices, the config.json of a run, or zoo:TASK, which is known to work.",
-)
+@option.path("--settings", text="TOML file of choices, the config.json of a run, or zoo:TASK, "
+             "which is known to work.")  # fmt: skip
 @click.option("--discount", type=click.FloatRange(0, 1), help="Short for --set discount=G.")
 @click.option("--list-settings", is_flag=True,
               help="Say what each choice of the method does, and which to turn first.")  # fmt: skip
@@ -98,12 +96,8 @@ if TYPE_CHECKING:
 @option.count("--evaluation-episodes", None, "Episodes of each frozen evaluation; by default 100, "
               "or in proportion to a short run whose episodes run one by one.")  # fmt: skip
 @option.count("--history", 0, "Previous observations that become features too.", least=0)
-@option.count(
-    "--race-steps",
-    0,
-    "Environment steps spent at the end on policy search: challengers race the policy.",
-    least=0,
-)
+@option.count("--race-steps", 0, "Environment steps spent at the end on policy search: challengers "
+              "race the policy.", least=0)  # fmt: skip
 @option.count("--max-leaves", None, "Most leaves of the result.", least=2)
 @click.option("--keep-success", is_flag=True,
               help="Replace the policy only by one that succeeds as often.")  # fmt: skip

@@ -39,16 +39,11 @@ def workers_options(of_what: str) -> Callable[[_Command], _Command]:
     """Return ``--n-jobs``, ``--backend`` and ``--address``, of the work that is divided."""
     return together(
         click.option(
-            "--n-jobs",
-            type=int,
-            default=-1,
-            show_default=True,
+            "--n-jobs", type=int, default=-1, show_default=True,
             help=f"Processes for {of_what}; -1 for all cores. The result does not depend on it.",
         ),
         click.option(
-            "--backend",
-            type=click.Choice(["loky", "dask", "ray"]),
-            default="loky",
+            "--backend", type=click.Choice(["loky", "dask", "ray"]), default="loky",
             show_default=True,
             help="What runs the processes: this machine (loky), or the cluster at --address.",
         ),
@@ -57,7 +52,7 @@ def workers_options(of_what: str) -> Callable[[_Command], _Command]:
             help="Scheduler of the cluster, or the file that --scheduler-file of dask wrote; "
             "auto for Ray on this machine. Without, this machine does the work.",
         ),
-    )
+    )  # fmt: skip
 
 
 @contextmanager
