@@ -40,12 +40,10 @@ _EXAMPLE = "eutree distill eutree/Evasion2-v0 --expert gate --max-leaves 8 --out
 @option.count("--history", None, "Previous observations as features; by default 0, or 1 where that "
               "explains more.", least=0)  # fmt: skip
 @click.option("--release-8", is_flag=True, help="C4.5 of release 8 as it is; choose nothing.")
-@option.count(
-    "--min-objects", None, "C4.5's m, chosen by you: the fewest transitions on a side of a test."
-)
-@click.option(
-    "--confidence", type=float, help="C4.5's CF, chosen by you: the smaller, the more is pruned."
-)
+@option.count("--min-objects", None, "C4.5's m, chosen by you: the fewest transitions on a side of "
+              "a test.")  # fmt: skip
+@click.option("--confidence", type=float,
+              help="C4.5's CF, chosen by you: the smaller, the more is pruned.")  # fmt: skip
 @click.option("--no-pruning", is_flag=True, help="Keep C4.5's unpruned tree.")
 @option.monotone
 @option.environment
@@ -217,9 +215,8 @@ def _values(report: FitReport, out: Path) -> dict[str, Any]:
 @option.command(_EXAMPLE)
 @click.argument("environment")
 @option.output("--out", text="File to write.", required=True)
-@click.option(
-    "--expert", help=f"The teacher: a scripted expert, for example gate, or your own, {OWN}."
-)
+@click.option("--expert", help="The teacher: a scripted expert, for example gate, or your own, "
+              f"{OWN}.")  # fmt: skip
 @option.path("--policy", text="The teacher: a policy file.")
 @option.path("--demos", text="What the teacher showed already, in place of its first episodes.")
 @click.option("--method", default="dagger", show_default=True, help="dagger, viper or cloning.")

@@ -33,9 +33,8 @@ HEAD = "name                    leaves  return [95 %]              worst    step
 @click.argument("environment", default="eutree/Evasion2-v0")
 @click.option("--expert", help="A scripted demonstrator of the environment; by default its first.")
 @option.output("--out", text="Folder to write.", default="demo-report")
-@option.count(
-    "--episodes", None, "Episodes of each learning run, instead of the demo's own budget."
-)
+@option.count("--episodes", None, "Episodes of each learning run, instead of the demo's own "
+              "budget.")  # fmt: skip
 @option.count("--runs", 3, "Learning runs; the best is chosen.")
 @click.option("--n-jobs", type=int, default=-1, show_default=True,
               help="Processes for the runs; -1 for all cores.")  # fmt: skip

@@ -85,9 +85,8 @@ if TYPE_CHECKING:
               help="Say what each choice of the method does, and which to turn first.")  # fmt: skip
 @click.option("--start", help="nothing, tree, tree+demos, demos or random-tree; by default what is "
               "given.")  # fmt: skip
-@option.count(
-    "--episodes", None, "Episodes of experience; 400 where no other budget is given.", least=0
-)
+@option.count("--episodes", None, "Episodes of experience; 400 where no other budget is given.",
+              least=0)  # fmt: skip
 @option.count("--steps", None, "Most environment steps: learning and racing.")
 @click.option("--minutes", type=click.FloatRange(min=0, min_open=True),
               help="Most minutes of the clock, evaluation included.")  # fmt: skip
@@ -112,9 +111,8 @@ if TYPE_CHECKING:
               "0: none.", least=0)  # fmt: skip
 @option.count("--max-transitions", None, "Most transitions to remember; by default all.")
 @click.option("--offline", is_flag=True, help="Learn from the demonstrations alone.")
-@click.option(
-    "--resume", is_flag=True, help="Go on with the run in the folder --out, which is enough."
-)
+@click.option("--resume", is_flag=True,
+              help="Go on with the run in the folder --out, which is enough.")  # fmt: skip
 @click.option("--checkpoint-seconds", type=click.FloatRange(min=0),
               help="Time between two checkpoints; 0 for one after every episode. By default "
               "saving takes at most a twentieth of the time.")  # fmt: skip

@@ -40,10 +40,8 @@ _COMMENTS: dict[str, Callable[[str], str]] = {
 @option.command("eutree show small.json --html small.html --demos demos/")
 @click.argument("policy", type=click.Path(path_type=Path))
 @option.output("--html", text="Write a page on which the policy can be watched and questioned.")
-@option.output(
-    "--run-html",
-    text="Write a page about the run in the folder POLICY: curve, teacher, world model, races.",
-)
+@option.output("--run-html", text="Write a page about the run in the folder POLICY: curve, "
+               "teacher, world model, races.")  # fmt: skip
 @option.count("--episodes", 10, "How many episodes the page plays.", least=0)
 @option.path("--demos", text="Demonstrations whose steps the page shows in their leaves.")
 @option.path("--certificate", text="What prove --out wrote of POLICY; the page shows it.")
