@@ -18,7 +18,7 @@ from itertools import product
 
 import numpy as np
 
-from eutree.arrays import Booleans, Floats, Integers
+from eutree.arrays import Floats, Integers
 from eutree.contests import Better, Halving, hold, new_table
 from eutree.contests.table import Run
 from eutree.data import Demonstrations
@@ -122,14 +122,6 @@ class KeyRuns:
         """Return some steps, ascending, as consecutive ones of one run each."""
         ends = np.flatnonzero((np.diff(rows) > 1) | (np.diff(self.run[rows]) > 0)) + 1
         return [piece for piece in np.split(rows, ends) if piece.size]
-
-
-def last_steps(episode: Integers, count: int) -> Booleans:
-    """Return which steps are among the last ``count`` of their episode, [N]."""
-    last = np.append(episode[1:] != episode[:-1], True)
-    place = np.arange(episode.size)
-    ends = np.flatnonzero(last)
-    return ends[np.searchsorted(ends, place)] - place < count
 
 
 def segments_of(known: Demonstrations, edit: Edit) -> tuple[Segment, ...]:
@@ -387,8 +379,9 @@ class _Search:
                     yield from steps.edits(np.flatnonzero(agreed & (place < count)), why)
             singles += [(piece, why) for piece in steps.pieces(np.flatnonzero(agreed))]
         failed = [k for k, e in enumerate(known.episodes) if e.kept and e.is_success is False]
+        ends = np.searchsorted(steps.episode, steps.episode, side="right")  # of their episodes
         for count in BEFORE_FAILURE:
-            late = last_steps(steps.episode, count) & np.isin(steps.episode, failed)
+            late = (ends - np.arange(ends.size) <= count) & np.isin(steps.episode, failed)
             yield from steps.edits(np.flatnonzero(late), "they came before a failure")
         for action, count in product(np.unique(steps.taught).tolist(), EDGES):
             late = (steps.taught == action) & (steps.to_end < count)
