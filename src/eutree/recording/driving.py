@@ -35,7 +35,7 @@ class Driving:
         self._over_at: float | None = None
         self._ending = ""
         self._success: bool | None = None
-        self._before = (OPENING, Trial.unused(), play.pictures.pixels)
+        self._before = (OPENING, Trial(None), play.pictures.pixels)
 
     @property
     def is_on(self) -> bool:
@@ -223,6 +223,6 @@ class Driving:
             self._recording.stop(play.trial, kept=False, comment="left early")
         play.state, play.trial, pixels = self._before
         if was == WATCHING or play.state == OPENING:  # else the last episode is the driven one
-            play.pictures.show_again(pixels)
+            play.pictures.expect(pixels)
         play.controls.pace.finish()
         play.controls.start()

@@ -62,11 +62,6 @@ class Trial:
         self._edges: list[list[Any]] = []
         self._edge_time = self._edge_frame = float("nan")
 
-    @classmethod
-    def unused(cls) -> "Trial":
-        """Return a trial of which nothing is recorded."""
-        return cls(None)
-
     @property
     def n_steps(self) -> int:
         """Number of steps taken."""
@@ -178,7 +173,7 @@ class Recording:
     def preview(self) -> Trial:
         """Reset the environment for a first picture; nothing is recorded."""
         self._env.reset(self._seed())
-        return Trial.unused()
+        return Trial(None)
 
     def choose_start(self, chosen: int | None = None) -> None:
         """Go on to a start that nobody has taken, or to one that the person chose by its seed."""

@@ -23,14 +23,8 @@ _NAMES_OF_CODES = {
     32: "space",
     127: "delete",
     8: "backspace",
-    273: "up",
-    274: "down",
-    275: "right",
-    276: "left",
-    1073741903: "right",
-    1073741904: "left",
-    1073741905: "down",
-    1073741906: "up",
+    **dict(enumerate(("up", "down", "right", "left"), 273)),
+    **dict(enumerate(("right", "left", "down", "up"), 1073741903)),
 }
 NAMED_KEYS = (*sorted(set(_NAMES_OF_CODES.values())), *(f"f{n}" for n in range(1, 13)))
 _IDLE_NAMES = ("stop", "none", "nothing", "noop", "no-op", "coast", "stay", "wait", "idle")

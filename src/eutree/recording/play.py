@@ -54,13 +54,9 @@ class Pictures:
         self._given_time = self._drawn_time = 0.0
         self._shared = 0.0  # share of the movement in the last picture
 
-    def expect(self) -> None:
-        """Take note that the environment has changed: a new picture is due."""
-        self.is_complete, self._shared, self._again = False, 0.0, None
-
-    def show_again(self, pixels: NDArray[np.uint8]) -> None:
-        """Take note that a picture given out before is due again."""
-        self.is_complete, self._shared, self._again = False, 0.0, pixels
+    def expect(self, again: NDArray[np.uint8] | None = None) -> None:
+        """Take note that a picture is due: a new one, or one given out before ``again``."""
+        self.is_complete, self._shared, self._again = False, 0.0, again
 
     def next(self, now: float, share: float) -> Frame | None:
         """Return a new picture if one is due; ``share`` of the movement is over."""
@@ -126,7 +122,7 @@ class Play:
         self.pictures = pictures
         self.state = OPENING
         self.message = ""
-        self.trial = Trial.unused()
+        self.trial = Trial(None)
         self._countdown = countdown
         self._countdown_end = self._review_began = 0.0
         self._fresh = False  # the countdown is that of an episode's first decision

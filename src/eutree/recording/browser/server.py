@@ -2,6 +2,7 @@
 
 import asyncio
 import logging
+import secrets
 import socket
 import threading
 import time
@@ -29,10 +30,8 @@ from eutree.recording.browser.wire import (
     decode,
     encode_picture,
     is_loopback,
-    new_token,
     page,
     safe_headers,
-    view_fields,
 )
 from eutree.recording.events import Away, Command, Event, KeyDown, KeyUp, Present, Seen
 from eutree.recording.recorder import Recorder
@@ -89,7 +88,7 @@ class PageServer:
         guide: Guide | None = None,
     ) -> None:
         self.recorder = recorder
-        self.token = new_token()
+        self.token = secrets.token_urlsafe(24)  # 192 random bits, which nobody guesses
         self.host = host
         self.port = PORT if port is None else port
         self._wish = port
@@ -342,7 +341,7 @@ class PageServer:
     def _publish(self, now: float, events: Iterable[Event]) -> None:
         """Let the session go on, and its guide lead it; show every page the new view."""
         tick = self.recorder.tick(now, events)
-        self._fields = view_fields(tick.view)
+        self._fields = msgspec.to_builtins(tick.view)  # to be compared and sent singly
         if tick.frame is not None:
             number, pixels = tick.frame.number, tick.frame.pixels
             self._picture = number, encode_picture(number, self._sequence, pixels)

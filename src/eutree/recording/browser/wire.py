@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eutree.errors import InvalidArgumentError, MissingExtraError, UnknownNameError
-from eutree.recording.events import Command, Number, Seen, View
+from eutree.recording.events import Command, Number, Seen
 from eutree.recording.keys import check_key
 from eutree.recording.session import Session
 
@@ -97,17 +97,6 @@ def decode(text: str | bytes) -> Message:
     return message
 
 
-def view_fields(view: View) -> dict[str, Any]:
-    """Return the view as JSON's types, so that fields can be compared and sent singly."""
-    fields: dict[str, Any] = msgspec.to_builtins(view)
-    return fields
-
-
-def encode(fields: dict[str, Any]) -> str:
-    """Return a message for the page."""
-    return _encoder.encode(fields).decode()
-
-
 def encode_picture(number: int, sequence: int, pixels: NDArray[np.uint8]) -> bytes:
     """Return a picture's message: its header and the JPEG."""
     try:
@@ -177,7 +166,7 @@ class Viewer:
         changed = {k: v for k, v in self._wanted.items() if self._sent.get(k, ...) != v}
         if changed:
             self._sent |= changed
-            await self.connection.send(encode(changed))
+            await self.connection.send(_encoder.encode(changed).decode())
         if self._picture is not None and len(self._in_flight) < MAX_IN_FLIGHT:
             (number, message), self._picture = self._picture, None
             self._in_flight.append(number)
@@ -191,11 +180,6 @@ SOCKET_PATH = "/socket"
 _OFFER = "token."
 _AUTHORITY = re.compile(r"(\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9._-]{1,253})(:\d{1,5})?")
 _WILDCARDS = ("0.0.0.0", "::")  # noqa: S104 - compared with, not bound to
-
-
-def new_token() -> str:
-    """Return a token that cannot be guessed: 192 random bits."""
-    return secrets.token_urlsafe(24)
 
 
 def is_loopback(host: str) -> bool:
