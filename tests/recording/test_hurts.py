@@ -1,16 +1,22 @@
 """Seconds that hurt, at the page: cut, flip, show again; what was done is never lost."""
 
+import asyncio
+import threading
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from eutree.data import DemonstrationFolder, Demonstrations
 from eutree.data.episode import CUT
+from eutree.recording.browser import PageServer
 from eutree.recording.events import EpisodeChanged, EpisodeEnded, SessionSettings
 from eutree.recording.recorder import Recorder
 from eutree.recording.tree_making import HurtView, Segment
+from tests.patience import ENOUGH
 from tests.recording.people import Corridor, Person
+from tests.recording.typists import ScriptedMaker
 
 RIGHT = 2
 
@@ -90,6 +96,32 @@ def test_while_a_tree_is_made_nothing_is_changed(person) -> None:
     person.session.wishes.is_busy = True
     person.do("cut", 0.0).do("again", 0.0)
     assert person.outputs == []
+
+
+def test_a_wish_right_after_the_last_tree_is_taken_up(tmp_path, monkeypatch) -> None:
+    """It was dropped while the thread that had made that tree was still ending."""
+    leave = threading.Event()
+
+    class Lingering(threading.Thread):
+        def run(self):
+            super().run()
+            leave.wait(ENOUGH)
+
+    async def press(*wishes):
+        recorder = Recorder(Corridor(), tmp_path / "demos")
+        server = PageServer(recorder, maker=maker)
+        for wish in wishes:
+            server._begin_work(wish)
+            while recorder.session.wishes.is_busy:
+                await asyncio.sleep(0.01)
+        leave.set()
+        recorder.close()
+
+    maker = ScriptedMaker()
+    slow = SimpleNamespace(Thread=Lingering)
+    monkeypatch.setattr("eutree.recording.browser.server.threading", slow)
+    asyncio.run(press("hurting", "without", "undo"))
+    assert maker.calls == ["look", "make_without", "undo"]
 
 
 def test_to_show_again_begins_where_the_segment_does(person) -> None:

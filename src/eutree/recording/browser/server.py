@@ -95,7 +95,6 @@ class PageServer:
         self._gate = Gate(self.token, host)
         self._details = dict(details or {})
         self._maker, self._guide = maker, guide
-        self._work: threading.Thread | None = None
         self._is_closing = False
         self._viewers: list[Viewer] = []
         self._driver: Viewer | None = None
@@ -360,9 +359,9 @@ class PageServer:
 
     def _begin_work(self, wish: str) -> None:
         """Let the tree be made, or practise, in a thread; one at a time."""
-        if not wish or self._maker is None or (self._work is not None and self._work.is_alive()):
-            return
         maker, wishes = self._maker, self.recorder.session.wishes
+        if not wish or maker is None or wishes.is_busy:
+            return
         loop, way = asyncio.get_running_loop(), wishes.way
 
         def show(view: TreeView, programme: Programme | None = None) -> None:
@@ -388,8 +387,7 @@ class PageServer:
         wishes.is_busy = True
         if wish in ("make", "practise"):
             self.show_tree(TreeView(phase=FITTING, message="Making your tree"))
-        self._work = threading.Thread(target=run, name="eutree tree", daemon=True)
-        self._work.start()
+        threading.Thread(target=run, name="eutree tree", daemon=True).start()
 
     def _look_for_what_is_missing(self) -> None:
         """Let the maker look in a thread, after an episode; the last answer counts."""
