@@ -200,6 +200,26 @@ def test_seconds_that_hurt_are_found_cut_and_taken_back(
         assert person.messages == []
 
 
+def test_steps_of_a_discarded_episode_offer_no_change(chromium, tmp_path) -> None:
+    """Their buttons did nothing, and nothing said so."""
+    maker = ScriptedMaker()
+    maker.hurts = hurts_of("flip", "cut")
+    with serving(tmp_path, fps=20.0, maker=maker) as served:
+        person = with_an_episode(person_at(chromium, served, "desk"))
+        page = person.page
+        served.session.wishes.express("hurting")
+        page.locator("#hurts-section article").nth(1).wait_for(timeout=PATIENCE)
+        changes, said = page.locator("#hurts button"), page.get_by_text("You discarded an episode")
+        assert changes.evaluate_all("all => all.some((one) => one.disabled)") is False
+        page.locator("#episodes-count").press("Enter")  # unfolds the list
+        page.get_by_role("button", name="Discard episode 0").press("Enter")
+        said.nth(1).wait_for(timeout=PATIENCE)
+        assert changes.evaluate_all("all => all.every((one) => one.disabled)") is True
+        page.get_by_role("button", name="Keep episode 0").press("Enter")
+        said.nth(0).wait_for(state="detached", timeout=PATIENCE)
+        assert changes.evaluate_all("all => all.some((one) => one.disabled)") is False
+
+
 def test_where_nothing_hurts_the_page_says_so(chromium, tmp_path) -> None:
     with serving(tmp_path, fps=20.0, maker=ScriptedMaker()) as served:
         person = person_at(chromium, served, "desk")

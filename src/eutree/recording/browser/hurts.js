@@ -20,7 +20,7 @@ function showHurts() {
       + "What you did stays stored; cut or flipped, it is only not imitated."
     : "Trees without one part or another of what you showed were played: none was shown to be better.";
   const edits = hurts.filter((hurt) => hurt.what !== "show again");
-  const all = edits.length < 2 ? [] : [changeButton("all", "Do all of these", null, "first")];
+  const all = edits.length < 2 ? [] : [changeButton("all", "Do all of these", null, "first", edits.some(isThere))];
   words($("hurts"), ...all, ...hurts.map((hurt, number) => hurtCard(hurt, number, edits.length < 2)));
   const facts = JSON.stringify(hurts);
   if (facts !== broughtIntoView) {
@@ -31,10 +31,13 @@ function showHurts() {
 }
 let broughtIntoView = ""; // the hurts that have been
 
-function changeButton(name, text, number, className) {
+/* Whether the episodes of these steps still count: nothing is changed in discarded ones. */
+function isThere(hurt) { return hurt.segments.every((one) => view.episodes[one.episode]?.kept); }
+
+function changeButton(name, text, number, className, canChange) {
   const button = treeButton(name, text, number);
   button.className = className;
-  button.disabled ||= !WORTHY.includes(view.state);
+  button.disabled ||= !canChange || !WORTHY.includes(view.state);
   return button;
 }
 
@@ -48,12 +51,13 @@ function hurtCard(hurt, number, isAlone) {
   const more = new Set(hurt.segments.map((one) => one.episode)).size - hurt.strips.length;
   if (more > 0) card.append(line(`And ${more} more ${more === 1 ? "episode" : "episodes"}.`, "soft"));
   card.append(line(hurt.reached, "reached"));
+  if (!isThere(hurt)) card.append(line("You discarded an episode of these: keep it, or make the tree again.", "soft"));
   const buttons = document.createElement("div");
   buttons.className = "row-of-buttons";
   const offered = { cut: ["cut"], flip: ["flip", "cut"] }[hurt.what] || [];
   for (const name of [...offered, "again"]) {
     const isProposed = name === (offered[0] || "again") && isAlone;
-    const button = changeButton(name, { cut: "Cut", flip: "Flip", again: "Show this again" }[name], number, isProposed ? "first" : "");
+    const button = changeButton(name, { cut: "Cut", flip: "Flip", again: "Show this again" }[name], number, isProposed ? "first" : "", isThere(hurt));
     button.setAttribute("aria-describedby", title.id);
     buttons.append(button);
   }

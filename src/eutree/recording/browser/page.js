@@ -326,7 +326,7 @@ function show() {
   rebuild("episodes", [view.episodes, watching, isOver()], showEpisodes);
   rebuild("numbers", view.numbers, showNumbers);
   rebuild("tree", [view.tree, isOver()], showTree);
-  rebuild("hurts", [view.tree?.hurts, view.tree?.was_searched, view.state, acts()], showHurts);
+  rebuild("hurts", [view.tree?.hurts, view.tree?.was_searched, view.state, acts(), view.episodes.map((e) => e.kept)], showHurts);
   rebuild("way", [view.driving?.nodes, view.driving?.tests, view.driving?.action, view.tree?.svg], showWay);
   rebuild("commands", commandsNow(), showCommands);
   showPace(watching);
