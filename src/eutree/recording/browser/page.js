@@ -292,11 +292,22 @@ function cell(text, className = "") {
   return td;
 }
 
-/* Rebuilds a part of the page only when what it shows has changed, so that the focus stays. */
+/* Rebuilds a part of the page only when what it shows has changed, so that the focus stays; if its
+   element was rebuilt, the one of the same id gets it. */
 const built = {};
 function rebuild(name, facts, build) {
-  const text = JSON.stringify(facts);
-  if (built[name] !== text) { built[name] = text; build(); }
+  const text = JSON.stringify(facts), focused = document.activeElement;
+  if (built[name] === text) return;
+  built[name] = text;
+  build();
+  if (focused?.id && !focused.isConnected) $(focused.id)?.focus({ preventScroll: true });
+}
+
+/* Fills a part whose buttons go once they are pressed: the focus then is where the answer comes. */
+function wordsThatGo(parent, ...children) {
+  const hadFocus = parent.contains(document.activeElement);
+  words(parent, ...children);
+  if (hadFocus) $("verdict-title").focus({ preventScroll: true });
 }
 
 function show() {
@@ -510,6 +521,7 @@ const MARKS = { [GOOD]: "✓", [BAD]: "✕" };
 function treeButton(command, text, value = null) {
   const button = document.createElement("button");
   button.type = "button";
+  button.id = `tree-${command}-${value ?? ""}`;
   button.dataset.command = command;
   button.textContent = text;
   button.disabled = !acts();
@@ -527,7 +539,7 @@ function showPractise() {
   }
   const now = buttons.filter((button) => allowed(button.dataset.command));
   if (now.length && now[0].dataset.command !== "hurting") now[0].className = "first";
-  words($("tree-buttons"), ...now);
+  wordsThatGo($("tree-buttons"), ...now);
 }
 
 function showEpisodes() {
@@ -545,6 +557,7 @@ function showEpisodes() {
       ? episode.result : `${episode.result}, ${episode.comment}`) + corrected);
     const use = document.createElement("button");
     use.type = "button";
+    use.id = `use-${episode.number}`;
     use.textContent = episode.kept ? "Discard" : "Keep";
     use.setAttribute("aria-label", `${use.textContent} episode ${episode.number}`);
     use.disabled = !acts() || isOver();
@@ -831,7 +844,7 @@ function showWays(tree) {
   });
   words($("ways-head"), ...heads, cell(""));
   let place = 0;
-  words($("ways"), ...ways.map((way) => {
+  wordsThatGo($("ways"), ...ways.map((way) => {
     const row = document.createElement("tr");
     row.classList.toggle("on", way.is_kept);
     const last = document.createElement("td");
