@@ -22,9 +22,9 @@ from eutree.arrays import Integers
 from eutree.c45 import C45Settings, grow
 from eutree.policy_search.improvement import Improvement
 from eutree.policy_search.variation import Variation
-from eutree.world_model import ActionTree, Transitions
+from eutree.world_model import ActionTree, PairedRollouts, Transitions
 from eutree.world_model.action_trees import from_decision_tree, n_leaves
-from eutree.world_model.rollouts import PairedRollouts, Rollouts
+from eutree.world_model.rollouts import Rollouts
 
 TRIES = 1000
 DRAWN = 4  # times that all chance of the rollouts is drawn again: one may be climbed on too long

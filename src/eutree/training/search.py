@@ -219,7 +219,7 @@ class PolicySearch:
         challengers = self._proposals.pruned(policy)
         if policy.n_leaves <= MOST_LEAVES:
             challengers = [*self._proposals.planned(policy, self.raced.all), *challengers]
-            n = self._knowing(int(2 * ROUND_SHARE * self._settings.steps))
+            n = _knowing(int(2 * ROUND_SHARE * self._settings.steps), self.raced.longest)
             here = here.on_new_starts("propose", self._settings.steps)
             own = yield from self.raced.of(policy, range(n), here.starts)
             if own is not None:
@@ -330,7 +330,7 @@ class PolicySearch:
         trees, length = state.challengers, self.raced.longest
         guesses: tuple[float, ...] = ()
         most = MOST_OF_CLIMBED if state.climbs else MOST_EPISODES
-        n, own = self._knowing(state.limit - self.raced.steps), None
+        n, own = _knowing(state.limit - self.raced.steps, self.raced.longest), None
         if len(trees) > PROMISING:
             own = yield from self.raced.of(state.incumbent, range(n), state.starts)
         if own is not None:
@@ -344,10 +344,6 @@ class PolicySearch:
         rule = Halving(first=first, most=most, prices=prices, guesses=guesses)
         verdict = yield from self.raced.hold(rule, state.starts, trees)
         return trees[verdict.winner]
-
-    def _knowing(self, steps: int) -> int:
-        """Return how many episodes of a race of so many steps tell which model to believe."""
-        return int(np.clip(KNOWING * steps // self.raced.longest, 2, MOST_KNOWING))
 
     def _better(
         self, state: SearchState, challenger: TreePolicy, *, errors: float
@@ -377,3 +373,8 @@ class PolicySearch:
         chance = deepcopy(dict(self._generator.bit_generator.state))
         self._known = self._proposals.advantages(self.raced.all, self._generator)
         return self.raced.steps, len(self.raced.all), chance
+
+
+def _knowing(steps: int, longest: int) -> int:
+    """Return how many episodes of a race of so many steps tell which model to believe."""
+    return int(np.clip(KNOWING * steps // longest, 2, MOST_KNOWING))
