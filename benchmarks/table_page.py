@@ -212,9 +212,10 @@ their network too. Made by `python benchmarks/table.py TASK` for each task and `
 benchmarks.table_page`; every run is a row in `docs/results/table/`. The settings are those of
 `eutree learn --settings zoo:TASK` and were chosen on seeds from 1000 on; the runs here have the
 seeds from 20,000 on. A cell that was made of fewer than ten runs says so; an empty one was not run
-yet. Of the tasks that plan, runs of 500,000 steps and more from before 3aeda195 did not
-[begin again](../decisions/racing.md) in their races; Acrobot's rows from before it had a [teacher
-of one value](../decisions/distilled-dqn.md) that learned from its own steps alone; rows of Acrobot,
+yet. Of the tasks that plan, runs of 500,000 steps and more from before 3aeda195 did not [begin
+again](../decisions/racing.md) in their races, and rows from before e703d358 did not cut trees
+together there; Acrobot's rows from before it had a [teacher of one
+value](../decisions/distilled-dqn.md) that learned from its own steps alone; rows of Acrobot,
 LunarLander, Pendulum and two tanks from before 5e259719 pruned all recipes of large trees alike.
 
 `dagger` and `viper` are CART by DAgger and VIPER from a DQN of Stable-Baselines3, with its zoo's

@@ -96,7 +96,7 @@ LARGER = 2  # times the leaves allowed that a tree of good episodes has at most,
 ROUGH = 5  # times fewer rollouts are enough to anneal
 TOGETHER, KEPT = 20, 4  # trees annealed together, and how many of them are proposed
 SPARE = 10  # leaves above those allowed with which they begin
-HERDED = 300  # rollouts that judge their changes, at most
+HERDED, HELD_STEPS = 300, 2_000_000  # rollouts that judge a change, and room for all, at most
 CHANGES, CHANGED_STEPS = 6000, 500_000_000  # of each, and their steps in the world model, at most
 MOST_RUNGS = 12  # prunings that race
 MOST_KNOWN = 50_000  # transitions that models are fitted to
@@ -283,7 +283,8 @@ class Proposals:
         starts = [from_decision_tree(policy.tree, policy.actions), *grown]
         trees = [next(larger.shrunk(rollouts, one, self._scale)) for one in starts]
         few = min(HERDED, max(rollouts.n_episodes // ROUGH, FEWEST_ROLLOUTS))
-        herd = [PairedRollouts(rollouts.model, few, 1.0, self._generator) for _ in range(TOGETHER)]
+        n = max(2, min(TOGETHER, HELD_STEPS // (few * rollouts.model.horizon)))
+        herd = [PairedRollouts(rollouts.model, few, 1.0, self._generator) for _ in range(n)]
         for one, tree in zip(herd, cycle(trees), strict=False):
             one.run(tree)
         steps = sum(one.n_steps for one in herd)
