@@ -78,8 +78,10 @@ if ENABLED:
             self.disable()
             _say_that_nothing_is_kept(f"{self.cache_path}: {error.strerror or error}")
 
+    # A RuntimeError is LLVM's. Numba writes the index before the code, so between the two another
+    # process may find the code that an older LLVM or a newer one has left there.
     _OF_ANOTHER_VERSION = (
-        AttributeError, ImportError, EOFError, caching.pickle.UnpicklingError
+        AttributeError, ImportError, EOFError, RuntimeError, caching.pickle.UnpicklingError
     )  # fmt: skip
 
     _plain_worlds: dict[str, dict[str, Any]] = {}  # globals of modules, kernels as plain Python

@@ -116,3 +116,25 @@ def test_a_cache_that_names_a_class_which_is_gone_is_made_anew(tmp_path):
         printed.append(out.stdout.split())
     assert [line[0] for line in printed] == ["3", "3", "4", "4"]
     assert [len(line[1]) > len("Counter()") for line in printed] == [False, True, False, True]
+
+
+@pytest.mark.skipif(not compiled.ENABLED, reason="nothing is compiled")
+def test_code_of_another_llvm_is_compiled_anew(tmp_path):
+    """Two processes after an upgrade: one has written the index, the code is still the old one."""
+    (tmp_path / "kernel.py").write_text(KERNEL.format(name="Pair", n=3))
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path), "EUTREE_JIT": "1"}
+    environment.pop("NUMBA_CACHE_DIR", None)
+
+    def printed():
+        run = [sys.executable, str(tmp_path / "kernel.py")]
+        done = subprocess.run(run, env=environment, capture_output=True, text=True, cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+        return done.stdout.split()[0]
+
+    assert printed() == "3"
+    (code,) = tmp_path.rglob("*.nbc")
+    signature = b"BC\xc0\xde"
+    assert signature in code.read_bytes()
+    code.write_bytes(code.read_bytes().replace(signature, b"XX\xc0\xde"))
+    assert printed() == "3"
+    assert signature in code.read_bytes()
