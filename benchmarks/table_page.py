@@ -1,7 +1,9 @@
 """Make the page of the table, docs/results/table.md, and a picture for each task.
 
-Run: python -m benchmarks.table_page
+Run: python -m benchmarks.table_page [--since COMMIT]
 
+With ``--since`` it makes nothing: it prints the cells that were run again since a commit, what they
+were and are, and what the same seeds gained.
 What ``benchmarks/table.py`` measured is in docs/results/table/, what is known from elsewhere in
 docs/results/elsewhere.csv. A picture has return over leaves: a line for each budget and rival that
 was run here, with intervals over the runs, or small dots for them where they are fewer than five;
@@ -9,7 +11,10 @@ a mark for each tree of others; a policy that has no leaves is a dotted line. Wh
 own trees is on the page alone.
 """
 
+import argparse
+import csv
 import re
+import subprocess
 import textwrap
 from collections.abc import Iterator, Sequence
 from itertools import count
@@ -17,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from benchmarks.table import LEAVES, ROWS, SEEDS, rows_of
+from benchmarks.table import LEAVES, ROOT, ROWS, SEEDS, rows_of
 
 from eutree.evaluation import mean_interval
 
@@ -197,7 +202,41 @@ def number(text: str) -> float:
         return float("nan")
 
 
+def rows_at(commit: str, path: Path) -> Rows:
+    """Return the rows of a file as a commit has it; none where it has no such file."""
+    name = f"{commit}:{path.relative_to(ROOT)}"
+    shown = subprocess.run(["git", "show", name], cwd=ROOT, capture_output=True, text=True)
+    return list(csv.DictReader(shown.stdout.splitlines()))
+
+
+def compared(now: Rows, then: Rows) -> Iterator[str]:
+    """Yield a line for each cell of ours that two or more seeds ran again: before, now, gain."""
+    places = ("task", "steps", "leaves")
+    ours = [{tuple(row[k] for k in (*places, "seed")): row for row in rows} for rows in (now, then)]
+    mine, other = ({k: row for k, row in of.items() if row["who"] == "eutree"} for of in ours)
+    again = [key for key in mine if key in other and mine[key]["commit"] != other[key]["commit"]]
+    for cell in dict.fromkeys(key[:-1] for key in again):
+        keys = [key for key in again if key[:-1] == cell]
+        if len(keys) < 2:
+            continue
+        gains = [float(mine[key]["return"]) - float(other[key]["return"]) for key in keys]
+        cost = [np.mean([float(of[key]["cpu_s"]) for key in keys]) for of in (other, mine)]
+        task, steps, leaves = cell
+        yield (
+            f"| {task}, {int(steps):,} | {leaves} | {summary([other[key] for key in keys])} "
+            f"| {summary([mine[key] for key in keys])} | {np.mean(gains):.1f} "
+            f"{mean_interval(gains):.1f} | {cost[0]:.0f}, {cost[1]:.0f} |"
+        )
+
+
 def main() -> None:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--since", metavar="COMMIT")
+    if commit := parser.parse_args().since:
+        for path in sorted(ROWS.glob("*.csv")):
+            for line in compared(rows_of(path), rows_at(commit, path)):
+                print(line)
+        return
     draw(ROWS)
     (ROWS.parent / "table.md").write_text(page(ROWS))
 

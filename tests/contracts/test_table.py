@@ -129,3 +129,18 @@ def test_a_row_between_releases_names_the_file_that_it_is_compared_with() -> Non
     assert set(before) <= known
     cart_pole = next(cell for cell in cells if cell[0] == "| CartPole-v1")
     assert cart_pole[1].startswith("001-")  # the second release has no run of it
+
+
+def test_cells_that_were_run_again_are_compared_seed_by_seed():
+    old = [
+        {"who": "eutree", "task": "T-v0", "steps": "10000", "leaves": "8", "seed": str(seed),
+         "return": str(10.0 * seed), "success": "", "has_leaves": "8", "used": "9999",
+         "cpu_s": "3.0", "commit": "a"}
+        for seed in (1, 2, 3)
+    ]  # fmt: skip
+    new = [row | {"return": str(float(row["return"]) + 5), "cpu_s": "4"} for row in old]
+    assert list(table_page.compared(new, old)) == []  # of the same commit
+    (line,) = table_page.compared([row | {"commit": "b"} for row in new[:2]], old)
+    assert line.startswith("| T-v0, 10,000 | 8 | 15.0 ")
+    assert "| 20.0 " in line
+    assert line.endswith("| 5.0 [5.0, 5.0] | 3, 4 |")
