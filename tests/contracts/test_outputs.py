@@ -29,14 +29,23 @@ def commands(group, path=()):
 
 
 ALL = list(commands(eutree))
-PAIRS = [
-    pytest.param(words, command, output, source, id=f"{words[-1]}: {output.name} {source.name}")
-    for words, command in ALL
-    for output in command.params
-    if isinstance(output.type, Written)
-    for source in command.params
-    if isinstance(source.type, click.Path) and not isinstance(source.type, Written)
-]  # fmt: skip
+
+
+def pairs(reads):
+    """Return each output of each command with each parameter that reads, by name and words."""
+    return [
+        pytest.param(words, command, output, source, id=f"{words[-1]}: {output.name} {source.name}")
+        for words, command in ALL
+        for output in command.params
+        if isinstance(output.type, Written)
+        for source in command.params
+        if reads(words, source)
+    ]
+
+
+PAIRS = pairs(
+    lambda _, source: isinstance(source.type, click.Path) and not isinstance(source.type, Written)
+)
 
 # Parameters that take a name, and how each names the file tank.py
 MODULE, IN_FILE, IN_MODULE = (
@@ -50,15 +59,13 @@ NAMES_OF_CODE = {
     "method": IN_MODULE,
     **dict.fromkeys(("expert", "teacher", "against"), (*IN_FILE, *IN_MODULE)),
 }  # fmt: skip
-NAMED = [
-    pytest.param(words, command, output, source, id=f"{words[-1]}: {output.name} {source.name}")
-    for words, command in ALL
-    for output in command.params
-    if isinstance(output.type, Written)
-    for source in command.params
-    if source.name in NAMES_OF_CODE and not isinstance(source.type, click.Choice)
-    and (source.name, words) not in {("expert", ("learn",)), ("method", ("distill",))}
-]  # fmt: skip
+NAMED = pairs(
+    lambda words, source: (
+        source.name in NAMES_OF_CODE
+        and not isinstance(source.type, click.Choice)
+        and (source.name, words) not in {("expert", ("learn",)), ("method", ("distill",))}
+    )
+)
 
 
 def line(words, command, given):

@@ -1,6 +1,7 @@
 """The page for everybody: low screens, 200 %, screen readers, and a tree that can be seen whole."""
 
 import time
+from contextlib import contextmanager
 from dataclasses import replace
 
 import gymnasium
@@ -202,6 +203,18 @@ def test_seconds_that_hurt_are_found_cut_and_taken_back(
 
 
 # Whether the focus stays when other things change, and where it is when its part is rebuilt.
+@contextmanager
+def seeing_what_hurts(chromium, tmp_path):
+    """Let a person at a desk, who has shown an episode, see two changes that are proposed."""
+    maker = ScriptedMaker()
+    maker.hurts = hurts_of("flip", "cut")
+    with serving(tmp_path, fps=20.0, maker=maker) as served:
+        person = with_an_episode(person_at(chromium, served, "desk"))
+        served.session.wishes.express("hurting")
+        person.page.locator("#hurts-section article").nth(1).wait_for(timeout=PATIENCE)
+        yield person
+
+
 MANY_VIEWS = """() => {
   const before = document.activeElement, known = view;
   for (let step = 0; step < 50; step += 1) {
@@ -218,13 +231,8 @@ MANY_VIEWS = """() => {
 
 
 def test_views_that_come_between_focus_and_press_take_no_button_away(chromium, tmp_path) -> None:
-    maker = ScriptedMaker()
-    maker.hurts = hurts_of("flip", "cut")
-    with serving(tmp_path, fps=20.0, maker=maker) as served:
-        person = with_an_episode(person_at(chromium, served, "desk"))
+    with seeing_what_hurts(chromium, tmp_path) as person:
         page = person.page
-        served.session.wishes.express("hurting")
-        page.locator("#hurts-section article").nth(1).wait_for(timeout=PATIENCE)
         page.locator("#episodes-count").press("Enter")  # unfolds the list
         for name in ("Flip", "Do all of these", "Let it practise", "Discard"):
             page.get_by_role("button", name=name).last.focus()
@@ -233,13 +241,8 @@ def test_views_that_come_between_focus_and_press_take_no_button_away(chromium, t
 
 def test_steps_of_a_discarded_episode_offer_no_change(chromium, tmp_path) -> None:
     """Their buttons did nothing, and nothing said so."""
-    maker = ScriptedMaker()
-    maker.hurts = hurts_of("flip", "cut")
-    with serving(tmp_path, fps=20.0, maker=maker) as served:
-        person = with_an_episode(person_at(chromium, served, "desk"))
+    with seeing_what_hurts(chromium, tmp_path) as person:
         page = person.page
-        served.session.wishes.express("hurting")
-        page.locator("#hurts-section article").nth(1).wait_for(timeout=PATIENCE)
         changes, said = page.locator("#hurts button"), page.get_by_text("You discarded an episode")
         assert changes.evaluate_all("all => all.some((one) => one.disabled)") is False
         page.locator("#episodes-count").press("Enter")  # unfolds the list

@@ -209,7 +209,7 @@ def test_a_limit_of_leaves_is_kept_whatever_it_costs(env, shown):
 
 @pytest.mark.parametrize("locks", [(), (0,)])
 def test_what_is_cut_together_races_with_the_rest(env, plain, monkeypatch, locks):
-    """The better half of six leaves is known to no pruning; locked leaves stay."""
+    """They keep to the limit and to the budget; locked leaves stay as they are."""
     large = policy_of(0, 1.0, 1, 2.0, 0, 3.0, 1, 4.0, 0, 7.0, 1)
     policy = replace(large, locked=locks)
     data = transitions_of(plain.history, policy.schema.n_actions)

@@ -262,9 +262,9 @@ class Demonstrations(Displayed, Frozen):
         """
         from eutree.data.csv_files import read_csv
 
-        read = read_csv(path, schema, columns=columns, delimiter=delimiter, log=log)
+        episodes, known, *_ = read_csv(path, schema, columns=columns, delimiter=delimiter, log=log)
         with blamed(path):
-            return cls(read[0], read[1], environment, Path(path).stem)
+            return cls(episodes, known, environment, Path(path).stem)
 
     def to_csv(self, path: str | Path) -> None:
         """Write a table with one row for each observation, discarded episodes included."""

@@ -20,6 +20,7 @@ Each ability that only some learners have is a protocol of its own, which its us
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any, ClassVar, Literal, NamedTuple, Protocol, TypeAlias, runtime_checkable
@@ -28,7 +29,7 @@ import numpy as np
 
 from eutree.arrays import Booleans, Floats, Integers
 from eutree.data import Episode
-from eutree.errors import InvalidArgumentError
+from eutree.errors import InvalidArgumentError, noted
 from eutree.features import FeatureMap
 from eutree.learners.declared import Arrays as Arrays
 from eutree.learners.declared import Declared, Part, give_back
@@ -482,12 +483,16 @@ def check_has_all(one: object, protocol: type, kind: type, besides: Iterable[str
     if lacking:
         whose = "" if one is kind else "the learner of "
         raise InvalidArgumentError(
-            f"{whose}{named(kind)} lacks {', '.join(lacking)}; see docs/your-own-method.md"
+            f"{whose}{_named(kind)} lacks {', '.join(lacking)}; see docs/your-own-method.md"
         )
 
 
-def named(kind: type) -> str:
+def own_code(method: object) -> AbstractContextManager[None]:
+    """Name a method on what its own code raises, where it is another author's."""
+    return noted(type(method), _named(type(method)))
+
+
+def _named(kind: type) -> str:
     """Return the name of a method, and where its class is."""
-    return (
-        f"method {getattr(kind, 'name', kind.__name__)!r} ({kind.__module__}:{kind.__qualname__})"
-    )
+    name = getattr(kind, "name", kind.__name__)
+    return f"method {name!r} ({kind.__module__}:{kind.__qualname__})"

@@ -11,7 +11,7 @@ import gymnasium
 
 from eutree.compression.playing import Ground
 from eutree.data import Demonstrations, check_rewards
-from eutree.errors import InvalidArgumentError, noted
+from eutree.errors import InvalidArgumentError
 from eutree.evaluation import Against, against, evaluate
 from eutree.evaluation.evaluate import evaluate_starts
 from eutree.interaction import GuardedEnv, episode_seed
@@ -22,7 +22,7 @@ from eutree.interaction.first_look import look_at
 from eutree.interaction.first_look import return_range as known_range
 from eutree.interaction.making import Environment, opened
 from eutree.learners import Method, Problem, Start, start_of
-from eutree.learners.learner import check_fits, named
+from eutree.learners.learner import check_fits, own_code
 from eutree.learners.registry import checked_document
 from eutree.policies import TreePolicy
 from eutree.training.evaluations import Arena, ProvenFirst
@@ -99,7 +99,7 @@ def learn(
         run, config, log = _prepared(made, asked, demonstrations, expert, method, start, seed=seed)
         for one in asked.listeners:
             one.attached(run, None if run.arena is None else run.arena.env.env)
-        with noted(kind := type(run.beginning.method), named(kind)):
+        with own_code(run.beginning.method):
             policy, against_fit = _carried_out(run, log, config, asked)
         return replace(
             result_of(run, policy, asked.teacher),

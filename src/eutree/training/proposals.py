@@ -282,7 +282,7 @@ class Proposals:
         grown = restarts(known, max_leaves=LARGER * self.max_leaves)
         starts = [from_decision_tree(policy.tree, policy.actions), *grown]
         trees = [next(larger.shrunk(rollouts, one, self._scale)) for one in starts]
-        few = min(HERDED, max(rollouts.n_episodes // ROUGH, FEWEST_ROLLOUTS))
+        few = min(HERDED, _few(rollouts))
         n = max(2, min(TOGETHER, HELD_STEPS // (few * rollouts.model.horizon)))
         herd = [PairedRollouts(rollouts.model, few, 1.0, self._generator) for _ in range(n)]
         for one, tree in zip(herd, cycle(trees), strict=False):
@@ -298,8 +298,7 @@ class Proposals:
     def _changed(self, rollouts: PairedRollouts, tree: ActionTree) -> Iterator[TreePolicy]:
         """Yield a tree once it is annealed, and once that has climbed."""
         variation = Variation(rollouts.n_actions, self.max_leaves, self._generator)
-        n_episodes = max(rollouts.n_episodes // ROUGH, FEWEST_ROLLOUTS)
-        rough = PairedRollouts(rollouts.model, n_episodes, 1.0, self._generator)
+        rough = PairedRollouts(rollouts.model, _few(rollouts), 1.0, self._generator)
         price = self.leaf_price
         tree = annealed(rough, tree, variation, price=price, scale=self._scale)
         yield self._policy_of(tree)
@@ -430,3 +429,8 @@ def key(tree: TreePolicy) -> bytes:
 def _decisions(policy: TreePolicy, known: Advantages) -> Integers:
     """Return a policy's actions at each recorded step, shape [N]."""
     return policy.actions[policy.tree.leaf_index(known.observations)]
+
+
+def _few(rollouts: PairedRollouts) -> int:
+    """Return how many rollouts are enough to anneal."""
+    return max(rollouts.n_episodes // ROUGH, FEWEST_ROLLOUTS)

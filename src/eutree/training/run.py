@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from eutree.arrays import Booleans, Floats, plain
-from eutree.errors import InvalidArgumentError, noted
+from eutree.errors import InvalidArgumentError
 from eutree.evaluation import CurvePoint
 from eutree.interaction.episode import Stream
 from eutree.learners import Learner, Method, Problem, Start
 from eutree.learners.episode_buffer import transitions_of
-from eutree.learners.learner import KnowsItsModel, check_has_all, named
+from eutree.learners.learner import KnowsItsModel, check_has_all, own_code
 from eutree.policies import TreePolicy
 from eutree.policies.reach import among_allowed, ever_allowed, within_kinds, within_reach
 from eutree.policy_search.model_trust import ModelTrust
@@ -51,7 +51,7 @@ class Beginning:
 
     def learner(self) -> Learner:
         """Return the learner at its start, which has all that a learner has."""
-        with noted(type(self.method), named(type(self.method))):
+        with own_code(self.method):
             learner = self.method.start(self.problem, self.start)
         check_has_all(learner, Learner, type(self.method))
         return learner
