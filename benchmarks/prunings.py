@@ -28,6 +28,7 @@ import eutree
 from eutree.interaction.making import make
 from eutree.learners.distilled_dqn.learner import DistilledDQNLearner
 from eutree.learners.distilled_dqn.races import N_STARTS, RECIPES
+from eutree.learners.episode_buffer import transitions_of
 from eutree.schema import EnvironmentSpec
 from eutree.world_model import ActionTree, ensemble_rollouts
 from eutree.world_model.action_trees import to_decision_tree
@@ -41,8 +42,14 @@ FIRST_EPISODE = 555_000  # seed of the real episodes
 class ProposedError(Exception):
     """The run is where its challengers are made; it carries the learner and its generator."""
 
+    def __init__(self, learner: DistilledDQNLearner, generator: np.random.Generator) -> None:
+        super().__init__()
+        self.learner, self.generator = learner, generator
 
-def learner_at(cell: Cell, env: Any, settings: Settings) -> Any:
+
+def learner_at(
+    cell: Cell, env: Any, settings: Settings
+) -> tuple[DistilledDQNLearner, np.random.Generator]:
     """Return the learner of a run, and its generator, before it proposes for the second time."""
     made = []
     propose = DistilledDQNLearner._propose
@@ -57,7 +64,7 @@ def learner_at(cell: Cell, env: Any, settings: Settings) -> Any:
         with mock.patch.object(DistilledDQNLearner, "_propose", stop):
             learned(cell, env, settings)
     except ProposedError as error:
-        return error.args
+        return error.learner, error.generator
     raise SystemExit(f"{cell}: {len(made)} proposals were made, two are needed")
 
 
@@ -68,9 +75,9 @@ def rows_of_run(cell: Cell, arguments: argparse.Namespace) -> list[dict[str, Any
     learner, generator = learner_at(cell, env, settings)
     challengers, students = learner.challengers, learner._students
     dagger = learner._experience.n_shown + learner.dagger.round_from
-    model = challengers.ensemble.fitted_on(
-        learner._experience.transitions(learner._problem.n_actions), generator
-    )
+    known = transitions_of(learner.history, learner._problem.n_actions)
+    assert challengers.ensemble is not None  # of the first proposal
+    model = challengers.ensemble.fitted_on(known, generator)
     whole = learner.history.observations
     found = []
     for labels, rows in (("dagger", whole[:dagger]), ("all", whole)):
