@@ -9,7 +9,7 @@ from typing import Any
 import hypothesis
 import pytest
 
-from tests.order import parted
+from tests.order import compiling_alone, parted
 
 # Compiling a kernel takes seconds on its first call, and test machines are busy: no deadlines. In
 # CI the same examples every time; elsewhere fresh ones, printed when they fail.
@@ -34,6 +34,15 @@ os.environ.setdefault("MPLBACKEND", "Agg")
 os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
 os.environ.setdefault("SDL_AUDIODRIVER", "dummy")
 os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Let the processes of xdist wait for each other's kernels rather than compile them again."""
+    if hasattr(config, "workerinput") and os.environ["EUTREE_JIT"] != "0":
+        from numba.core.compiler_lock import global_compiler_lock
+        from numba.core.dispatcher import Dispatcher
+
+        Dispatcher.compile = compiling_alone(Dispatcher.compile, global_compiler_lock)
 
 
 @pytest.hookimpl(trylast=True)  # after those that take tests away

@@ -1,10 +1,17 @@
-"""Several processes begin with tests of different kernels, and each test stays in the list once."""
+"""Several processes begin with tests of different kernels, and each test stays in the list once.
 
+One of them compiles a kernel that several meet.
+"""
+
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 from tests.order import APART, parted
+from tests.patience import ENOUGH
 
 
 def folder_of(name: str) -> str:
@@ -47,3 +54,37 @@ def test_the_folders_are_there():
     here = Path(__file__).parent
     assert [f for half in APART for f in half if not any(here.rglob(f))] == []
     assert not set(APART[0]) & set(APART[1])
+
+
+MEETS_A_KERNEL = """
+import sys, time
+from contextlib import nullcontext
+from pathlib import Path
+from types import SimpleNamespace
+from tests.order import compiling_alone
+
+here, own, is_alone, patience = Path(sys.argv[1]), sys.argv[2], sys.argv[3] == "1", sys.argv[4]
+
+def compiling(dispatcher, types):  # as numba's does: it looks on the disk, compiles and keeps
+    if (here / "kept").exists():
+        return
+    (here / f"compiles-{own}").touch()
+    end = time.monotonic() + float(patience)
+    while len(list(here.glob("compiles-*"))) < 2 and time.monotonic() < end:
+        time.sleep(0.01)
+    (here / "kept").touch()
+
+if is_alone:
+    compiling = compiling_alone(compiling, nullcontext())
+compiling(SimpleNamespace(_cache=SimpleNamespace(cache_path=here), py_func=nullcontext), ())
+"""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="needs POSIX locks")
+@pytest.mark.parametrize(("is_alone", "patience", "n_compile"), [(1, 0.5, 1), (0, ENOUGH, 2)])
+def test_one_of_two_that_meet_a_kernel_compiles_it(tmp_path, is_alone, patience, n_compile):
+    words = [str(word) for word in (is_alone, patience)]
+    meets, root = [sys.executable, "-c", MEETS_A_KERNEL], Path(__file__).parents[1]
+    both = [subprocess.Popen([*meets, str(tmp_path), own, *words], cwd=root) for own in "ab"]
+    assert [process.wait(ENOUGH) for process in both] == [0, 0]
+    assert len(list(tmp_path.glob("compiles-*"))) == n_compile
