@@ -145,9 +145,10 @@ def test_a_wrong_block_fails(tmp_path: Path) -> None:
         run_block(second, namespace, page=page, folder=tmp_path)
 
 
-def test_a_wrong_command_fails(tmp_path: Path) -> None:
+@pytest.mark.parametrize("end", ["", " | cat"])
+def test_a_wrong_command_fails(tmp_path: Path, end: str) -> None:
     with pytest.raises(AssertionError, match="unknown command"):
-        run_command("eutree no-such-command", tmp_path)
+        run_command(f"eutree no-such-command{end}", tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -159,9 +160,13 @@ def test_a_wrong_command_fails(tmp_path: Path) -> None:
         ("eutree learn Tank-v0 --episodes 5", "eutree learn Tank-v0 --episodes 5"),
         ("eutree learn --list-settings", "eutree learn --list-settings"),
         ("eutree compress r --episodes 200", "eutree compress r --episodes 50"),
+        (
+            "eutree learn --episodes 5 --race-steps 5000",
+            "eutree learn --episodes 5 --race-steps 2000",
+        ),
     ],
 )
-def test_a_line_is_shortened_in_its_episodes_alone(line: str, played: str) -> None:
+def test_a_line_is_shortened_in_its_episodes_and_races_alone(line: str, played: str) -> None:
     assert shortened(line.split()) == played.split()
 
 
