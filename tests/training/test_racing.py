@@ -1,5 +1,6 @@
 """Racing ends a run: the better tree wins, steps count, a kill costs an episode at most."""
 
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -360,6 +361,14 @@ def test_a_stop_while_racing_ends_within_a_step(env, shown, expert, tmp_path):
     assert again.policy == eutree.learn(env, **options, **SHORT).policy
 
 
+@pytest.fixture(scope="module")
+def ended(env, shown, expert, tmp_path_factory):
+    """Return the folder of a run of one episode that has not raced."""
+    folder = tmp_path_factory.mktemp("ended") / "run"
+    eutree.learn(env, demonstrations=shown, expert=expert, episodes=1, out=folder, **SHORT)
+    return folder
+
+
 @pytest.mark.parametrize(
     ("changes", "name"),
     [
@@ -371,12 +380,11 @@ def test_a_stop_while_racing_ends_within_a_step(env, shown, expert, tmp_path):
     ],
 )
 def test_a_run_is_not_resumed_with_what_decides_otherwise(
-    env, shown, expert, tmp_path, changes, name
+    env, shown, expert, ended, tmp_path, changes, name
 ):
     """Once another --expert, --strict or --polish-steps was accepted, and overwrote expert.json."""
     options = {"demonstrations": shown, "expert": expert, "episodes": 1, **SHORT}
-    folder = tmp_path / "run"
-    eutree.learn(env, out=folder, **options)
+    folder = shutil.copytree(ended, tmp_path / "run")
     before = {path.name: path.read_bytes() for path in folder.iterdir()}
     if "expert" in changes:
         changes = {"expert": policy_of(0, 6.0, 1)}
