@@ -239,6 +239,13 @@ def _compiled(function: _Function, *, counts: bool, later: bool = False) -> _Fun
     return kernel
 
 
+@compiled
+def overwrite(target: Any, source: Any) -> None:
+    """Fill an array from another; numba takes seconds to compile ``target[:] = source``."""
+    for i in range(target.size):
+        target[i] = source[i]
+
+
 def machine_code(kernel: _Function, *arguments: object) -> _Function:
     """Return the machine code of a kernel for arguments of these types, without the search for it.
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from eutree import features
 from eutree.arrays import Booleans, Floats, Int32s, Integers
-from eutree.compiled import compiled
+from eutree.compiled import compiled, overwrite
 
 threshold_between = compiled(features.threshold_between)
 
@@ -59,7 +59,7 @@ def best_cut(
         # below and above hold the weight of each class before and from row k on; left, right their
         # sums; left_squares, right_squares the sums of their squares.
         below[:] = 0.0
-        above[:] = counts
+        overwrite(above, counts)
         left, right, left_squares, right_squares = 0.0, total, 0.0, squares
         for k in range(begin, end - 1):
             row = order[j, k]

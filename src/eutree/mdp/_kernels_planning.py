@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from eutree.arrays import Booleans, Floats, Int32s, Integers
-from eutree.compiled import compiled
+from eutree.compiled import compiled, overwrite
 
 NO_ACTION = -1
 SMALLEST = 1e-16  # diagonal: a loop that rounds to certain is left after 10^16 steps
@@ -283,8 +283,8 @@ def _krylov(
     if _residual(system, right, values, residual) <= tolerance:
         return 0
     # The usual shadow, so rho begins as the squared size of the residual.
-    shadow[:] = residual
-    direction[:] = residual
+    overwrite(shadow, residual)
+    overwrite(direction, residual)
     rho = _dot(shadow, residual)
     # residual = right - (I - M) values up to rounding; rho = shadow . residual, both at the top.
     for iteration in range(1, limit + 1):
@@ -333,17 +333,17 @@ def evaluate(
     for _ in range(RESTARTS):  # size is the true residual of the values, never larger than before
         if size <= tolerance:
             return size
-        kept[:] = values
+        overwrite(kept, values)
         _krylov(system, right, values, tolerance, limit)
         new = _residual(system, right, values, work[0])
         # Less than halved counts as failure; values worse than before are taken back.
         if not new < 0.5 * size:
             if not new < size:
-                values[:] = kept
+                overwrite(values, kept)
             _relax(system, right, values)
             new = _residual(system, right, values, work[0])
             if not new < size:
-                values[:] = kept
+                overwrite(values, kept)
                 return size
         size = new
     return size
@@ -395,7 +395,7 @@ def iterate_discounted(
         low, high = _range(values, backed_up, episodic)
         bound = scale * (high - low) / 2
         if bound < narrowest:
-            kept[:] = values
+            overwrite(kept, values)
             narrowest, stalled = bound, 0
         elif forcing > TIGHT:
             # Far horizons magnify the error of an evaluation: go back, and evaluate more closely.

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from eutree.arrays import Booleans, Float32s, Floats, Integers
-from eutree.compiled import compiled
+from eutree.compiled import compiled, overwrite
 
 DECAY_OF_MEAN, DECAY_OF_SQUARE = 0.9, 0.999  # Adam's beta_1, beta_2
 SMALL = 1e-8  # Adam's epsilon
@@ -96,7 +96,7 @@ def layer(x: Float32s, w: Float32s, b: Float32s, rectified: bool, out: Float32s)
     """Write x w + b, and 0 in place of negative entries if it is rectified."""
     for i in range(x.shape[0]):
         # The constants first, the products after: this order is part of the result.
-        out[i] = b
+        overwrite(out[i], b)
     add_product(x, w, out)
     if rectified:
         for i in range(out.shape[0]):

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from eutree.arrays import Floats, Integers, Uint32s
-from eutree.compiled import compiled, compiled_later, inlined
+from eutree.compiled import compiled, compiled_later, inlined, overwrite
 
 # A prime, so that episodes begin at places of the table that do not line up; the table wraps.
 EPISODE_STRIDE = 7919
@@ -78,13 +78,6 @@ class Episodes(NamedTuple):
     owner: Integers  # [K] episode
     first: Integers  # [E + 1] first step of each episode
     returns: Floats  # [E]
-
-
-@compiled
-def overwrite(target: Floats, source: Floats) -> None:
-    """Copy an array of the same length; numba takes seconds to compile ``target[:] = source``."""
-    for i in range(target.size):
-        target[i] = source[i]
 
 
 @compiled

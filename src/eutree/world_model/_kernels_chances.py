@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 from eutree.arrays import Booleans, Floats, Integers
-from eutree.compiled import compiled, compiled_later
+from eutree.compiled import compiled, compiled_later, overwrite
 from eutree.trees import TreeNodes, descend
-from eutree.world_model._kernels import World, chance, fitted, model_leaf, overwrite
+from eutree.world_model._kernels import World, chance, fitted, model_leaf
 from eutree.world_model._kernels_regression import TINY, solve_positive
 
 
@@ -73,7 +73,8 @@ def hold(
     states, move = np.zeros((1, 2 * d)), np.zeros(d)
     state = states[0]
     for n in range(places.shape[0]):
-        state[:d], state[d:] = places[n], 0.0
+        overwrite(state[:d], places[n])
+        state[d:] = 0.0
         weight[n], reward[n], first = 1.0, 0.0, -1
         # weight = discount^tau times the chance that the episode still goes on after tau steps;
         # reward is the expected discounted sum of those tau steps.
@@ -81,8 +82,7 @@ def hold(
             earned, goes_on = expected_step(world, actions[n], states, move)
             reward[n] += weight[n] * earned
             weight[n] *= discount * goes_on
-            # The whole is finite, a model need not stay in it; the nearest place inside stands for
-            # it.
+            # A model need not stay in what is possible: the nearest place inside stands for it.
             for i in range(d):
                 state[i] = min(max(state[i], low[i]), high[i])
             entered[n] = descend(nodes, state, 0)
@@ -92,7 +92,7 @@ def hold(
                 first = entered[n]
             if entered[n] != first or weight[n] <= 1e-12:
                 break
-        places[n] = state[:d]
+        overwrite(places[n], state)  # its first d
 
 
 CERTAIN = 18.0  # log-odds beyond which a row cannot pull a fit

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from eutree.arrays import Booleans, Float32s, Floats, Integers
-from eutree.compiled import compiled
+from eutree.compiled import compiled, overwrite
 from eutree.neural import Network, adam_step, add_rows, backward, forward, room
 from eutree.world_model._kernels import EPISODE_STRIDE, ActionTree, Episodes, keep, leaf_node
 
@@ -157,7 +157,7 @@ def fit(
     error = np.empty_like(at.out)
     for u in range(rows.shape[0]):
         for i in range(n):
-            x[i] = steps.inputs[rows[u, i]]
+            overwrite(x[i], steps.inputs[rows[u, i]])
         forward(fitting.network, x, at)
         write_error(steps, rows[u], weight, at.out, error)
         backward(fitting.network, x, at, error, fitting.gradient)
@@ -219,14 +219,14 @@ def look(world: EnsembleWorld, member: int, action: int, state: Floats, at: Scra
     # Actions are one-hot: of their rows in w1 only one is added.
     at.x[n_seen + action] = 1
     at.active[n_seen] = n_seen + action
-    at.hidden1[:] = members.b1[member]
+    overwrite(at.hidden1, members.b1[member])
     add_rows(members.w1[member], at.x, n_seen + 1, at.active, at.hidden1)
     at.x[n_seen + action] = 0  # so that only one action is ever set
     n = rectify(at.hidden1, at.active)
-    at.hidden2[:] = members.b2[member]
+    overwrite(at.hidden2, members.b2[member])
     add_rows(members.w2[member], at.hidden1, n, at.active, at.hidden2)
     n = rectify(at.hidden2, at.active)
-    at.out[:] = members.b3[member]
+    overwrite(at.out, members.b3[member])
     add_rows(members.w3[member], at.hidden2, n, at.active, at.out)
 
 
@@ -302,13 +302,13 @@ def record(
         out.returns[e] = before.returns[e]
         if departs[e] < 0:
             continue
-        state[:] = before.states[same]
+        overwrite(state, before.states[same])
         total = before.earned[same]
         # Returns are sums without discount here; t is the step within the episode, which picks the
         # draws.
         for t in range(same - begin, horizon):
             node = leaf_node(policy, 0, state)
-            out.states[k] = state
+            overwrite(out.states[k], state)
             out.earned[k] = total
             out.node[k] = node
             out.owner[k] = e

@@ -9,8 +9,8 @@ import numpy as np
 
 from eutree import features
 from eutree.arrays import Booleans, Floats, Int16s, Integers, Uint32s
-from eutree.compiled import compiled
-from eutree.world_model._kernels import NodeTests, overwrite
+from eutree.compiled import compiled, overwrite
+from eutree.world_model._kernels import NodeTests
 
 threshold_between = compiled(features.threshold_between)
 

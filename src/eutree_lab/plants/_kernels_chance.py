@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from eutree.arrays import Floats, Integers
-from eutree.compiled import compiled
+from eutree.compiled import compiled, overwrite
 from eutree.proof import ActingNodes
 
 Spans = tuple[float, float, float, float]  # lowest and highest of one action, then of another
@@ -108,7 +108,8 @@ def shares(
     parts = np.empty(feature.size + 1)
     for i in range(low.shape[0]):
         stack[0], parts[0], size = 0, 1.0, 1
-        lows[0], highs[0] = low[i], high[i]
+        overwrite(lows[0], low[i])
+        overwrite(highs[0], high[i])
         found = 0.0
         while size > 0:
             size -= 1
@@ -126,7 +127,8 @@ def shares(
                 stack[size] = right[node]
                 size += 1
             else:
-                lows[size + 1], highs[size + 1] = lows[size], highs[size]
+                overwrite(lows[size + 1], lows[size])
+                overwrite(highs[size + 1], highs[size])
                 stack[size], highs[size, j] = left[node], t
                 parts[size] = part * (t - a) / (b - a)
                 stack[size + 1], lows[size + 1, j] = right[node], t

@@ -7,7 +7,7 @@ axis i. A row of the corner process is d + 1 corners with weights that sum to 1,
 import numpy as np
 
 from eutree.arrays import Floats, Int32s, Integers
-from eutree.compiled import compiled
+from eutree.compiled import compiled, overwrite
 
 
 @compiled
@@ -67,7 +67,7 @@ def influence(
     flow bounds the error made by stopping.
     """
     flow, after = source.copy(), np.empty(source.shape[0])
-    total[:] = source
+    overwrite(total, source)
     # flow is (P^T)^n source and total the sum of the flows up to it.
     for n in range(most):
         after[:] = 0.0
