@@ -136,6 +136,47 @@ def test_whole_numbers_far_apart_are_quantities(tmp_path, written, actions, numb
     assert shown.episodes[0].actions.tolist() == numbers
 
 
+def test_quantities_are_the_same_however_they_are_written(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("t;x;pump\n0;1;1,5\n1;2;0,75 \n2;3; 0\n3;4;0,0\n4;5;1.50\n5;6;\n")
+    changes = {"time": "t", "drop": (), "nominal": (), "episode_gap": None, "missing": ""}
+    demos = read(path, **changes)
+    assert list(map(float, demos.schema.actions)) == [0.0, 0.75, 1.5]
+    assert demos.actions.tolist() == [2, 1, 0, 0, 2]
+    assert read(path, **changes, actions=("0", "0.75", "1.5")).actions.tolist() == [2, 1, 0, 0, 2]
+
+
+@pytest.mark.parametrize("cell", ["", "NaN", "null"])
+def test_an_action_that_a_machine_did_not_write_is_none(tmp_path, cell):
+    path = tmp_path / "log.csv"
+    path.write_text(f"t,x,pump\n0,1,{cell}\n1,2,1.0\n2,3,{cell}\n3,4,0.0\n4,5,{cell}\n")
+    changes = {"time": "t", "drop": (), "nominal": (), "episode_gap": None}
+    demos = read(path, **changes)
+    assert demos.schema.actions == ("0.0", "1.0")
+    assert demos.actions.tolist() == [1, 1, 0]
+    with pytest.raises(FormatError, match=r"line 2: only an .* no action; by --missing hold the o"):
+        read(path, **changes, missing="")
+    path.write_text("t,x,pump\n0,1,null\n1,2,halb\n2,3,null\n")
+    assert read(path, **changes, actions=("null", "halb")).actions.tolist() == [0, 1]
+
+
+def test_names_of_actions_are_told_apart_by_more_than_a_blank(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("t,x,pump\n0,1,low\n1,2,low \n2,3, off\n3,4,off\n")
+    changes = {"time": "t", "drop": (), "nominal": (), "episode_gap": None, "missing": ""}
+    assert read(path, **changes).schema.actions == ("low", "off")
+
+
+@pytest.mark.parametrize("time", ["t", ""])
+def test_the_numbers_of_rows_that_pandas_writes_are_no_feature(tmp_path, time):
+    path = tmp_path / "log.csv"
+    path.write_text(",t,x,pump\n0,5,1,off\n1,6,2,on\n2,7,3,off\n")
+    drop = () if time else ("t",)
+    log = LogFormat(time=time, drop=drop, one_episode=not time)
+    demos = Demonstrations.from_csv(path, columns={"action": "pump"}, log=log)
+    assert demos.schema.feature_names == ("x",)
+
+
 def test_indices_with_names_beside_them_stay_indices(tmp_path):
     path = tmp_path / "log.csv"
     path.write_text("episode,action,action_name,x\n0,40,far,1\n0,0,near,2\n0,,,3\n")

@@ -11,8 +11,9 @@ from eutree.proof import Effort, Plant, check_plant, plant_of, prove, register_p
 from eutree.proof.certificate import NEVER
 from eutree.proof.intervals import cos
 from eutree.proof.plant import MountainCar
-from eutree.proof.reach import Acting, boxes_along
+from eutree.proof.reach import Acting
 from eutree.schema import EnvironmentSpec
+from tests.proof.carried import boxes_along
 from tests.proof.policies import BAD, GOOD, SWITCH, policy_of
 
 SPEC = EnvironmentSpec("MountainCar-v0")

@@ -161,7 +161,7 @@ class _Table:
     """
 
     def __init__(self, columns: list[str], delimiter: str, log: LogFormat) -> None:
-        apart = {*KNOWN, *log.drop, log.time}
+        apart = {*KNOWN, *log.drop, log.time, ""}  # pandas numbers rows in a column without a name
         self._columns, self._log, self._has_comma = columns, log, delimiter != ","
         self._features = [column for column in columns if column not in apart]
         if not self._features:
@@ -185,6 +185,7 @@ class _Table:
         if len(values) != len(self._columns):
             raise InvalidArgumentError(f"expected {len(self._columns)} values, got {len(values)}")
         row = dict(zip(self._columns, values, strict=True))
+        row["action"] = self._action_text(row["action"])
         name = row.get("episode", "")
         if self._log.time:
             self._pass_time(name, row[self._log.time])
@@ -236,7 +237,10 @@ class _Table:
     def _add(self, group: _EpisodeRows, row: dict[str, str]) -> None:
         if group.observations and not group.last_row["action"]:
             self.line = group.last_line
-            raise InvalidArgumentError("only an episode's last row may have no action")
+            raise InvalidArgumentError(
+                "only an episode's last row may have no action; by --missing hold the one before "
+                "it goes on"
+            )
         group.observations.extend([self._value(row, name) for name in self._features])
         group.last_line, group.last_row = self.line, row
         if row["action"]:
@@ -253,6 +257,17 @@ class _Table:
         if row["action"] or not group.actions:
             ends = _truth(row, "terminated") is True, _truth(row, "truncated") is True
             group.ends = (group.ends[-1], ends)
+
+    def _action_text(self, text: str) -> str:
+        """Return a cell of the actions: a number with its point, nothing where it says so."""
+        text = text.strip()
+        if text in self._codes or text in self._log.actions:
+            return text
+        if is_nothing(text) and all(map(is_quantity, self._codes)):
+            return ""
+        return (
+            text.replace(",", ".") if self._has_comma and _DECIMAL_COMMA.fullmatch(text) else text
+        )
 
     def _code(self, row: dict[str, str]) -> int:
         code = self._codes.setdefault(row["action"], len(self._codes))
@@ -335,7 +350,7 @@ class _Table:
         if self._log.actions:
             return self._log.actions
         if self._are_quantities():
-            return tuple(sorted(texts, key=float))
+            return tuple({float(text): text for text in sorted(texts, key=float)}.values())
         if all(map(str.isdecimal, texts)):
             large = [text for text in texts if not _INDEX.fullmatch(text) or int(text) >= MAX_NAMES]
             if large:
@@ -361,6 +376,9 @@ class _Table:
     def _action(self, text: str, names: tuple[str, ...], by_name: bool) -> int:
         """Return the action of a text: an index, or else a name; if ``by_name``, a name first."""
         is_index = _INDEX.fullmatch(text) and int(text) < len(names)
+        if by_name and text not in names and is_quantity(text):  # 0 and 0.0 are one quantity
+            same = (name for name in names if is_quantity(name) and float(name) == float(text))
+            text = next(same, text)
         if text in names and (by_name or not is_index):
             return names.index(text)
         if is_index:

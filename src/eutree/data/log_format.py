@@ -120,7 +120,7 @@ def hint(text: str, column: str) -> str:
     """Return the remedies for a cell that is no number, to follow "got ...'"."""
     if is_nothing(text):
         return f"; an empty cell is filled by --missing {HOLD} or a number, or its row left out"
-    if _is_date(text):
+    if _DATE.match(text):
         return f"; name the time by --time {column!r}"
     return f"; text is a choice of categories by --nominal {column!r}, or left out by --drop"
 
@@ -130,12 +130,4 @@ def _has_form(text: str, form: str) -> bool:
         datetime.strptime(text.strip(), form)
     except ValueError:
         return False
-    return True
-
-
-def _is_date(text: str) -> bool:
-    try:
-        datetime.fromisoformat(text.strip())
-    except ValueError:
-        return _DATE.match(text) is not None
     return True

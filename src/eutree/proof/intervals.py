@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from eutree.arrays import Booleans, Floats, Integers
+from eutree.errors import InvalidArgumentError
 from eutree.proof import _kernels
 
 Number = Union["Intervals", NDArray[np.floating[Any]], float]
@@ -56,6 +57,12 @@ class Truth:
 
     def __invert__(self) -> "Truth":
         return Truth(~self.maybe, ~self.surely)
+
+    def __bool__(self) -> bool:
+        raise InvalidArgumentError(
+            "a statement about intervals may hold for a part of them: write where, minimum, "
+            "maximum, clip, &, | and ~ in place of if, min, max, and, or and not"
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,6 +182,9 @@ class Intervals:
 
     def __gt__(self, other: Number) -> Truth:
         return ~(self <= other)
+
+    def __eq__(self, other: Any) -> Any:
+        return (self <= other) & (self >= other)
 
 
 def where(truth: Truth, one: Number, other: Number) -> Intervals:

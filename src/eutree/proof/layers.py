@@ -64,13 +64,7 @@ class Layers:
         self._begin()
 
     def keeps(self, broken: Callable[[State], Truth], horizon: int, most: int) -> int:
-        """Return for how many steps, of so many, nothing that is reached is broken.
-
-        Args:
-            broken: Whether states are.
-            horizon: Most steps.
-            most: Most steps of boxes.
-        """
+        """Return for how many steps nothing that is reached is broken, by so many box steps."""
         for steps in range(horizon):
             if self.box_steps > most or not self.step() or broken(self.state()).maybe.any():
                 return steps

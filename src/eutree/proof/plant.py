@@ -15,7 +15,7 @@ from numpy.typing import DTypeLike
 
 from eutree.arrays import Floats, Integers
 from eutree.envs import PLANTS
-from eutree.errors import InvalidArgumentError, shown
+from eutree.errors import InvalidArgumentError, described, shown
 from eutree.interaction import describe
 from eutree.interaction.making import make
 from eutree.policies import TreePolicy
@@ -23,6 +23,7 @@ from eutree.proof.certificate import Certificate
 from eutree.proof.intervals import Intervals, Truth, clip, cos, sin, where
 from eutree.proof.properties import EpisodeProperty
 from eutree.schema import EnvironmentSpec, Feature, Schema
+from eutree.validation import check_listed, check_range
 
 State = Sequence[Intervals]  # one for each number of the state, each of N boxes
 
@@ -98,18 +99,23 @@ class Plant:
     def put(self, env: gymnasium.Env[Any, Any], point: Floats) -> Any:
         """Begin an episode of the real environment in a state [d]; return its observation."""
         env.reset(seed=0)
+        self.state_of(env)  # which refuses what has no such attribute
         env.unwrapped.state = point.copy()  # type: ignore[attr-defined]  # as Gymnasium's tasks
         return point.astype(self.precision)
 
     def state_of(self, env: gymnasium.Env[Any, Any]) -> Floats:
         """Return the state [d] in which the real environment is."""
-        return np.array(env.unwrapped.state, dtype=np.float64)  # type: ignore[attr-defined]  # same
+        if (state := getattr(env.unwrapped, "state", None)) is None:
+            raise InvalidArgumentError(
+                f"{type(self).__name__} must have methods put and state_of of its own: "
+                f"{self.environment} has no attribute state"
+            )
+        return np.array(state, dtype=np.float64)
 
     @property
     def schema(self) -> Schema:
         """The measures that conditions of properties are about, as features."""
-        features = tuple(map(Feature, self.measures or self.state))
-        return Schema(features, ("act",))
+        return Schema(tuple(map(Feature, self.measures or self.state)), ("act",))
 
     def make(self) -> gymnasium.Env[Any, Any]:
         """Return the real environment."""
@@ -129,6 +135,22 @@ class Plant:
         env = self.make()
         describe(env).check_same(policy.schema, "policy", of=str(self.environment))
         env.close()
+        if not self.by_chance:
+            self._check_moves(policy.schema.n_actions)
+
+    def _check_moves(self, n_actions: int) -> None:
+        """Raise InvalidArgumentError unless the starts are a box that every action moves."""
+        names, kind = check_listed("state", self.state), type(self).__name__
+        ends = [check_range(f"each start of {kind}", end) for end in self.start]
+        try:
+            boxes = [Intervals.between(*np.repeat([end], n_actions, 0).T) for end in ends]
+            moved = self.step(boxes, np.arange(n_actions))
+            self.arrives(moved), self.observe(moved), self.measure(moved)
+        except Exception as error:
+            raise InvalidArgumentError(f"{kind} cannot move boxes: {described(error)}") from error
+        if len(moved) != len(names) or not all(isinstance(one, Intervals) for one in moved):
+            expected = f"step of {kind} must return Intervals of {', '.join(names)}"
+            raise InvalidArgumentError(f"{expected}, got {shown(moved)}")
 
 
 def own_arguments(
@@ -151,16 +173,12 @@ def own_arguments(
     return {**known, **arguments}, None if limit == -1 else limit
 
 
-# The plants that are known, each in the order of its task.
-
-
 Factory = Callable[[EnvironmentSpec], Plant]
 
 _POLE_GRAVITY, _POLE_MASS, _TOTAL_MASS, _LENGTH = 9.8, 0.1, 0.1 + 1.0, 0.5
 _POLE_MASS_LENGTH = _POLE_MASS * _LENGTH
 _POLE_FORCE, _TAU = 10.0, 0.02
-_EDGE, _FALL = 2.4, 12 * 2 * math.pi / 360
-_POLE_LIMIT = 500
+_EDGE, _FALL, _POLE_LIMIT = 2.4, 12 * 2 * math.pi / 360, 500
 _STRUCK = 43691 / 65536  # m up the pole, nearly 2/3: there a push on the cart moves nothing
 
 
@@ -189,7 +207,7 @@ class CartPole(Plant):
 
     def step(self, state: State, action: Integers) -> State:
         """Push the cart to either side for a fiftieth of a second."""
-        position, velocity, angle, turning = state
+        _, velocity, angle, turning = state
         force = _POLE_FORCE * (2.0 * action - 1.0)
         cosine, sine = cos(angle), sin(angle)
         push = (force + _POLE_MASS_LENGTH * turning.square() * sine) / _TOTAL_MASS
@@ -197,12 +215,8 @@ class CartPole(Plant):
             _LENGTH * (4.0 / 3.0 - _POLE_MASS * cosine.square() / _TOTAL_MASS)
         )
         moving = push - _POLE_MASS_LENGTH * bending * cosine / _TOTAL_MASS
-        return [
-            position + _TAU * velocity,
-            velocity + _TAU * moving,
-            angle + _TAU * turning,
-            turning + _TAU * bending,
-        ]
+        rates = (velocity, moving, turning, bending)
+        return [one + _TAU * rate for one, rate in zip(state, rates, strict=True)]
 
     def put(self, env: gymnasium.Env[Any, Any], point: Floats) -> Any:
         """Begin an episode of the real cart in a state."""

@@ -8,7 +8,7 @@ every action that is possible in it, so it is still true of each of its starts t
 comes not before the earliest and not after the latest of these branches.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -32,7 +32,7 @@ class Effort:
     """How far a proof goes before it leaves a piece undecided.
 
     Attributes:
-        smallest: Share of the starts' width, in each number, below which a piece is not cut.
+        smallest: Share of all starts below which a piece is not cut.
         box_steps: Steps of boxes in all; pieces not decided by then stay undecided.
         refinements: How many times finer than the plant's own a grid is, one after the other,
             until a property for ever is proven.
@@ -157,8 +157,7 @@ class Reach:
         is_over: Callable[[State], Truth] | None = None,
     ) -> None:
         self._acting, self._plant, self._event = acting, plant, event
-        self._horizon, self._is_over = horizon, is_over
-        self._effort = effort
+        self._horizon, self._is_over, self._effort = horizon, is_over, effort
         start = np.array(plant.start, dtype=np.float64)  # [d, 2]
         self._width = start[:, 1] - start[:, 0]
         self._varies = self._width > 0
@@ -283,7 +282,8 @@ class Reach:
     def _is_wide(self, boxes: _Boxes) -> Booleans:
         """Return which pieces may be cut: they are wide enough, and have not branched."""
         width = boxes.start_high - boxes.start_low
-        wide = width > self._effort.smallest * self._width[:, None]
+        side = self._effort.smallest ** (1.0 / max(self._varies.sum(), 1))
+        wide = width > side * self._width[:, None]
         return np.asarray(wide.any(axis=0) & (boxes.owner < 0))
 
     def _cut(self, boxes: _Boxes) -> None:
@@ -324,36 +324,9 @@ class Reach:
         np.maximum.at(latest, owner, last[has_owner])
         first[has_owner], last[has_owner] = earliest[owner], latest[owner]
         _, representative = np.unique(owner, return_index=True)
-        kept = np.concatenate(
-            [np.flatnonzero(~has_owner), np.flatnonzero(has_owner)[representative]]
-        )
+        kept = np.r_[np.flatnonzero(~has_owner), np.flatnonzero(has_owner)[representative]]
         low, high = boxes.start_low.T[kept], boxes.start_high.T[kept]
         return Pieces(self._plant.state, low, high, first[kept], last[kept])
-
-
-def boxes_along(
-    acting: Acting, plant: Plant, pieces: tuple[Floats, Floats], steps: int
-) -> Iterator[tuple[Floats, Floats]]:
-    """Yield the boxes of pieces after each step, as a proof carries them: bounds [N, d] each.
-
-    Where several actions are possible in a box, nothing is said of it from there on: its bounds are
-    infinite.
-
-    Args:
-        acting: The policy on boxes.
-        plant: Moves the boxes.
-        pieces: Lower and upper bounds of the starts, shapes [N, d].
-        steps: How many steps.
-    """
-    start = np.array(plant.start, dtype=np.float64)
-    boxes = _Boxes.beginning(pieces[0].T, pieces[1].T, start[:, 1] > start[:, 0])
-    known = np.ones(len(boxes), dtype=bool)
-    for _ in range(steps):
-        possible = acting(boxes.state)
-        known &= (possible & (possible - 1)) == 0
-        boxes = boxes.at(plant.step(boxes.state, _action(possible & -possible)))
-        low, high = (np.stack([getattr(x, end) for x in boxes.state], 1) for end in ("low", "high"))
-        yield np.where(known[:, None], low, -np.inf), np.where(known[:, None], high, np.inf)
 
 
 def _action(possible: Integers) -> Integers:

@@ -1,0 +1,162 @@
+"""A plant of one's own: a start of two numbers is followed, and a mistake never proves anything."""
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.envs.registration import EnvSpec
+
+from eutree.errors import InvalidArgumentError
+from eutree.proof import Effort, Plant, check_plant, prove
+from eutree.schema import EnvironmentSpec
+from tests.proof.policies import policy_of
+
+NAME = "OwnBoiler-v0"
+ASKED = "arrives within 20 steps"
+
+
+class Boiler(gymnasium.Env[Any, Any]):
+    """Water that warms, and the room around it."""
+
+    metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012 - Gymnasium's own declaration
+    feature_names = ("water", "room")
+    action_names = ("off", "on")
+
+    def __init__(self) -> None:
+        self.observation_space = gymnasium.spaces.Box(-100.0, 200.0, (2,), np.float64)
+        self.action_space = gymnasium.spaces.Discrete(2)
+
+    def reset(self, *, seed: int | None = None, options: Any = None) -> Any:
+        super().reset(seed=seed)
+        self.state = self.np_random.uniform([20.0, 15.0], [30.0, 20.0])
+        return self.state.copy(), {}
+
+    def step(self, action: int) -> Any:
+        water, room = self.state
+        later = water + 0.05 * (room - water) + 4.0 * action
+        self.state = np.array([later, room + 0.001 * (water - room)])
+        return self.state.copy(), -1.0, bool(later >= 55.0), False, {}
+
+
+class Hidden(Boiler):
+    """Another one, which keeps its state elsewhere."""
+
+    def reset(self, *, seed: int | None = None, options: Any = None) -> Any:
+        gymnasium.Env.reset(self, seed=seed)
+        self.water = 25.0
+        return np.array([self.water, 18.0]), {}
+
+    def step(self, action: int) -> Any:
+        self.water += 4.0 * action
+        return np.array([self.water, 18.0]), -1.0, False, False, {}
+
+
+class BoilerPlant(Plant):
+    """The boiler on intervals."""
+
+    state = ("water", "room")
+    start = ((20.0, 30.0), (15.0, 20.0))
+
+    def __init__(self) -> None:
+        self.environment = EnvironmentSpec(NAME)
+
+    def step(self, state: Any, action: Any) -> Any:
+        water, room = state
+        later = water + 0.05 * (room - water) + 4.0 * action
+        return [self.changed(later), room + 0.001 * (water - room)]
+
+    def arrives(self, state: Any) -> Any:
+        return state[0] >= 55.0
+
+    def changed(self, later: Any) -> Any:
+        return later
+
+
+@pytest.fixture
+def policy(monkeypatch):
+    monkeypatch.setitem(gymnasium.registry, NAME, EnvSpec(NAME, Boiler))
+    return policy_of(1, NAME)
+
+
+def test_a_start_of_two_numbers_is_not_cut_along_every_line_between_two_answers(policy):
+    """As many pieces as along one number: lines, not points, divide what takes a step more."""
+    effort = Effort(smallest=2.0**-16, box_steps=200_000)
+    found = prove(policy, BoilerPlant(), ASKED, effort=effort)
+    check_plant(BoilerPlant(), episodes=5, generator=np.random.default_rng(0))
+    assert found.sentence.endswith("it arrives within 13 steps")
+    assert found.bounds["steps"] == (9, 13)
+
+
+def clipped(later):
+    return max(later, 0.0)
+
+
+def switched(later):
+    return 0.0 * later + 55.0 if later > 50.0 else later
+
+
+def kept_in(later):
+    return later if (later > 0.0) and (later < 90.0) else 0.0 * later + 55.0
+
+
+def unless(later):
+    return later + 100.0 if later != 20.0 else later
+
+
+@pytest.mark.parametrize("changed", [clipped, switched, kept_in, unless])
+def test_what_python_would_decide_for_all_of_a_box_is_refused(policy, changed):
+    plant = BoilerPlant()
+    plant.changed = changed
+    with pytest.raises(InvalidArgumentError, match="write where, minimum, maximum, clip"):
+        prove(policy, plant, ASKED)
+
+
+@pytest.mark.parametrize(
+    ("declared", "message"),
+    [
+        (
+            {"start": ((30.0, 20.0), (15.0, 20.0))},
+            "each start of BoilerPlant must be the lowest an",
+        ),
+        (
+            {"start": ((20.0, 30.0), (15.0, np.inf))},
+            "each start of BoilerPlant must be .* finite rang",
+        ),
+        (
+            {"start": ((20.0, 30.0),)},
+            "BoilerPlant cannot move boxes: ValueError: not enough",
+        ),
+        ({"state": "water"}, "state must be a list"),
+        (
+            {"step": lambda state, action: [state[0]]},
+            "step of BoilerPlant must return Intervals of",
+        ),
+        (
+            {"step": lambda state, action: [1.0, 2.0]},
+            "step of BoilerPlant must return Intervals of",
+        ),
+        ({"step": lambda state: state}, "BoilerPlant cannot move boxes: TypeError: .*lambda"),
+        (
+            {"arrives": lambda before, state: None},
+            "BoilerPlant cannot move boxes: TypeError: .*lam",
+        ),
+    ],
+)
+def test_what_is_no_plant_is_refused(policy, declared, message):
+    plant = BoilerPlant()
+    for name, value in declared.items():
+        setattr(plant, name, value)
+    with pytest.raises(InvalidArgumentError, match=message):
+        prove(policy, plant, ASKED)
+
+
+def test_an_environment_that_keeps_its_state_elsewhere_is_not_believed_to_stand_still(
+    policy, monkeypatch
+):
+    monkeypatch.setitem(gymnasium.registry, NAME, EnvSpec(NAME, Hidden))
+    message = "BoilerPlant must have methods put and state_of of its own"
+    with pytest.raises(InvalidArgumentError, match=message):
+        prove(policy, BoilerPlant(), "stays in water <= 40 for 20 steps")
+    with pytest.raises(InvalidArgumentError, match=message):
+        check_plant(BoilerPlant(), episodes=1, generator=np.random.default_rng(0))
