@@ -2,11 +2,14 @@
 
 from pathlib import Path
 
+import gymnasium
 import numpy as np
 import pytest
 
 import eutree
+from eutree.data import LogFormat
 from eutree.errors import InvalidArgumentError
+from eutree.proof import plant_of, prove
 
 TASK = "eutree/Evasion2-v0"
 SHOWN = eutree.Demonstrations.from_arrays(
@@ -72,3 +75,38 @@ def test_a_budget_is_checked_where_it_is_made():
         eutree.Budget(steps=0)
     with pytest.raises(InvalidArgumentError, match=r"minutes must be .*, got 'ten'"):
         eutree.Budget(minutes="ten")
+
+
+def test_a_folder_of_a_log(tree):
+    with pytest.raises(InvalidArgumentError, match="tensorboard must be a folder, got 4"):
+        eutree.learn(TASK, episodes=1, tensorboard=4)
+
+
+def test_a_proof(tree):
+    plant = plant_of(eutree.EnvironmentSpec("CartPole-v1"))
+    with pytest.raises(InvalidArgumentError, match="policy must be a TreePolicy, got 5"):
+        prove(5, plant)
+    with pytest.raises(InvalidArgumentError, match="question must be a EpisodeProperty, got 5"):
+        prove(tree, plant, 5)
+
+
+@pytest.mark.parametrize("name", ["drop", "nominal", "actions"])
+def test_what_a_log_lists_is_no_text(name):
+    with pytest.raises(InvalidArgumentError, match=f"{name} must be a list, got the text 'mode'"):
+        LogFormat(**{name: "mode"})
+    assert LogFormat(missing=0) == LogFormat(missing="0")
+
+
+def test_a_message_about_many_numbers_is_one_line():
+    with pytest.raises(
+        InvalidArgumentError, match=r"seed must be an integer .* got array"
+    ) as raised:
+        eutree.record("CartPole-v1", lambda seen: 0, seed=np.zeros((3, 3)))
+    assert "\n" not in str(raised.value)
+    wide = gymnasium.spaces.MultiDiscrete([[2, 3], [4, 5]])
+    env = gymnasium.wrappers.TransformObservation(
+        gymnasium.make("CartPole-v1"), lambda seen: np.zeros((2, 2), int), wide
+    )
+    with pytest.raises(InvalidArgumentError, match="must have a flat Box") as raised:
+        eutree.record(env, lambda seen: 0)
+    assert "\n" not in str(raised.value)

@@ -167,7 +167,7 @@ def shown(value: object) -> str:
     raise.
     """
     try:
-        text = repr(value)
+        text = repr(value).replace("\n", "")  # of an array
     except Exception:
         kind = type(value).__name__
         digits = f" of more than {sys.get_int_max_str_digits()} digits"

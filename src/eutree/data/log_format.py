@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 
 from eutree.errors import InvalidArgumentError
-from eutree.validation import check_number
+from eutree.validation import check_listed, check_number
 
 HOLD, LEAVE_OUT = "hold", "drop"
 TIMES = tuple(  # of a time that cannot be read, for a message
@@ -49,6 +49,9 @@ class LogFormat:
     actions: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
+        for name in ("drop", "nominal", "actions"):
+            object.__setattr__(self, name, check_listed(name, getattr(self, name)))
+        object.__setattr__(self, "missing", str(self.missing))  # a number as it is, too
         if self.missing not in ("", HOLD, LEAVE_OUT) and not is_quantity(self.missing):
             raise InvalidArgumentError(
                 f"missing must be {HOLD}, {LEAVE_OUT} or a number, got {self.missing!r}"

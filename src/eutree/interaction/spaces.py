@@ -16,7 +16,7 @@ from gymnasium import spaces
 from gymnasium.wrappers import OrderEnforcing, PassiveEnvChecker, TimeLimit
 
 from eutree.arrays import Floats
-from eutree.errors import InvalidArgumentError, UnsupportedSpaceError
+from eutree.errors import InvalidArgumentError, UnsupportedSpaceError, shown
 from eutree.files.schema_document import plain_json
 from eutree.interaction.action_grid import (
     ACTION_GRID,
@@ -290,7 +290,7 @@ def _entries(space: spaces.Space[Any], name: str) -> list[Feature]:
     if bounds is None or len(space.shape or ()) > 1:
         raise UnsupportedSpaceError(
             f"{name} must have a flat Box, Discrete, MultiDiscrete or MultiBinary observation "
-            f"space, got {space}: {_what_helps(space)}"
+            f"space, got {shown(space)}: {_what_helps(space)}"
         )
     low, high = (bound.astype(np.float64).tolist() for bound in bounds)
     ends = zip(low, high, strict=True)

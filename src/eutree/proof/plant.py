@@ -23,7 +23,7 @@ from eutree.proof.certificate import Certificate
 from eutree.proof.intervals import Intervals, Truth, clip, cos, sin, where
 from eutree.proof.properties import EpisodeProperty
 from eutree.schema import EnvironmentSpec, Feature, Schema
-from eutree.validation import check_listed, check_range
+from eutree.validation import check_kind, check_listed, check_range
 
 State = Sequence[Intervals]  # one for each number of the state, each of N boxes
 
@@ -127,7 +127,7 @@ class Plant:
             raise InvalidArgumentError(
                 f"plant must have a step that moves boxes, got {type(self).__name__} without one"
             )
-        if not policy.features.is_identity:
+        if not check_kind("policy", policy, TreePolicy).features.is_identity:
             raise InvalidArgumentError(
                 "a policy must decide by the present observation to be proven, got one that "
                 f"remembers {policy.history} observations and {policy.past_actions} actions"

@@ -28,6 +28,7 @@ from eutree.proof.plant import Plant, State
 from eutree.proof.properties import EVER, EpisodeProperty, parse
 from eutree.proof.reach import Acting, Effort, Reach
 from eutree.proof.replay import MOST_BOXES, breaking_seed, replay, starts_among
+from eutree.validation import check_kind
 
 _TRIES = 20  # starts of undecided pieces that are replayed
 _SUMMED = 1e-9  # of the steps: greatest error of adding up shares
@@ -57,10 +58,10 @@ def prove(
             is not one of the plant's environment.
     """
     text = plant.question if question is None else question
-    asked = parse(text, plant.schema) if isinstance(text, str) else text
+    text = parse(text, plant.schema) if isinstance(text, str) else text
+    asked = check_kind("question", text, EpisodeProperty)
     plant.check_fits(policy)
-    own = plant.certify(policy, asked, (effort or Effort()).refinements)
-    if own is not None:
+    if (own := plant.certify(policy, asked, (effort or Effort()).refinements)) is not None:
         return own
     is_known = plant.reward is not None and plant.limit is not None
     if asked.kind == "returns" and asked.chance is None and is_known:

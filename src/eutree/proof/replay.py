@@ -140,8 +140,7 @@ def _follow(
             if not box.low[0] <= now <= box.high[0]:
                 raise InvalidArgumentError(
                     f"plant must move as {plant.environment} does: after action {action} in "
-                    f"{before.tolist()}, {name} is {now!r}, outside of [{box.low[0]:.17g}, "
-                    f"{box.high[0]:.17g}]"
+                    f"{before.tolist()}, {name} is {now}, outside of [{box.low[0]}, {box.high[0]}]"
                 )
         arrived = plant.arrives([Intervals.of(np.array([x])) for x in after])
         if arrived.surely[0] and not over:

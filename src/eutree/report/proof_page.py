@@ -65,10 +65,15 @@ def _rectangles(picture: Picture, tall: float) -> Iterator[str]:
     least, most = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
     width, height = _WIDTH / picture.marks.shape[0], tall / picture.marks.shape[1]
     alone = picture.marks.shape[1] == 1 and most > 0
+    scale, blue = max(most - least, 1e-300), "hsl(205,70%,{:.0f}%)".format
     for i, column in enumerate(zip(picture.values.tolist(), picture.marks.tolist(), strict=True)):
         begin = 0
         for (colour, value, is_bar), same in groupby(
-            (_COLOURS.get(mark, _colour(value, least, most)), value * alone, mark == KNOWN)
+            (
+                _COLOURS.get(mark, blue(88 - 58 * ((value - least) / scale))),
+                value * alone,
+                mark == KNOWN,
+            )
             for value, mark in zip(*column, strict=True)
         ):
             cells = len(list(same))
@@ -81,11 +86,6 @@ def _rectangles(picture: Picture, tall: float) -> Iterator[str]:
             begin += cells
 
 
-def _colour(value: float, least: float, most: float) -> str:
-    share = (value - least) / max(most - least, 1e-300)
-    return f"hsl(205,70%,{88 - 58 * share:.0f}%)"
-
-
 def _table(certificate: Certificate) -> str:
     """Return bounds, undecided share, worst start and counterexample as a table."""
     rows = [
@@ -94,16 +94,11 @@ def _table(certificate: Certificate) -> str:
     ]
     if certificate.kind == "proof":
         rows.append(("share of the starts that is not decided", f"{certificate.undecided:.3g}"))
-    for name, start in (
-        ("worst start", certificate.worst_start),
-        ("counterexample", certificate.counterexample),
-    ):
-        if start is not None:
+    for name in ("worst_start", "counterexample"):
+        if (start := getattr(certificate, name)) is not None:
             words = ", ".join(f"{key} {_short(value)}" for key, value in start.items())
-            rows.append((name, words))
-    cells = "".join(
-        f"<tr><th>{escape(name)}</th><td>{escape(value)}</td></tr>" for name, value in rows
-    )
+            rows.append((name.replace("_", " "), words))
+    cells = "".join(f"<tr><th>{escape(k)}</th><td>{escape(v)}</td></tr>" for k, v in rows)
     return f"<table>{cells}</table>"
 
 

@@ -88,6 +88,8 @@ class TensorBoard(Listener):
     """
 
     def __init__(self, path: str | Path) -> None:
+        if not isinstance(path, str | Path):
+            raise InvalidArgumentError(f"tensorboard must be a folder, got {shown(path)}")
         self._path = path
         self._writer: Any = None
 
