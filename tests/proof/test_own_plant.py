@@ -160,3 +160,18 @@ def test_an_environment_that_keeps_its_state_elsewhere_is_not_believed_to_stand_
         prove(policy, BoilerPlant(), "stays in water <= 40 for 20 steps")
     with pytest.raises(InvalidArgumentError, match=message):
         check_plant(BoilerPlant(), episodes=1, generator=np.random.default_rng(0))
+
+
+@pytest.mark.parametrize(
+    ("grid", "message"),
+    [
+        (((0.0, 80.0, 20),), "OwnBoiler-v0 has no grid of all numbers, which a property for ever"),
+        (((0.0, 80.0, 0), (0.0, 40.0, 9)), "cells of a grid must be an integer >= 1, got 0"),
+        (((0.0, 80.0, 2e3), (0.0, 40.0, 9)), "cells of a grid must be an integer >= 1, got 2000.0"),
+    ],
+)
+def test_what_is_no_grid_is_refused(policy, grid, message):
+    plant = BoilerPlant()
+    plant.grid = grid
+    with pytest.raises(InvalidArgumentError, match=message):
+        prove(policy, plant, "stays in water <= 90 for ever")

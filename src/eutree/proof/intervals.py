@@ -60,8 +60,8 @@ class Truth:
 
     def __bool__(self) -> bool:
         raise InvalidArgumentError(
-            "a statement about intervals may hold for a part of them: write where, minimum, "
-            "maximum, clip, &, | and ~ in place of if, min, max, and, or and not"
+            "a statement about intervals may hold for a part of them: in a plant write where, "
+            "minimum, maximum, clip, &, | and ~ in place of if, min, max, and, or and not"
         )
 
 

@@ -17,6 +17,7 @@ from eutree.proof.certificate import CELLS, COLUMNS, EMPTY, KNOWN, OPEN, Picture
 from eutree.proof.intervals import Intervals
 from eutree.proof.plant import Plant, State
 from eutree.proof.reach import Acting
+from eutree.validation import check_integer
 
 MOST_CELLS = 20_000_000
 _AT_ONCE = 1 << 16
@@ -35,10 +36,11 @@ class StateGrid:
         Raises:
             InvalidArgumentError: The plant has none, or it has more than ``MOST_CELLS`` cells.
         """
-        if not plant.grid:
+        counts = [check_integer("cells of a grid", n, low=1) for _, _, n in plant.grid]
+        if len(counts) != len(plant.state):
             raise InvalidArgumentError(
-                f"the plant of {plant.environment} has no grid, which a property for ever needs; "
-                "ask for a number of steps"
+                f"the plant of {plant.environment} has no grid{' of all numbers' * bool(counts)}, "
+                "which a property for ever needs; ask for a number of steps"
             )
         found = cls(tuple(np.linspace(low, high, n * refine + 1) for low, high, n in plant.grid))
         if found.n_cells > MOST_CELLS:

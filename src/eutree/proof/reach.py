@@ -293,10 +293,9 @@ class Reach:
         known = np.where(self._width > 0, self._width, 1.0)
         width = (boxes.start_high - boxes.start_low) / known[:, None]
         widest = width.argmax(axis=0)
-        column = np.arange(len(boxes))
-        halves = middle(boxes.start_low[widest, column], boxes.start_high[widest, column])
+        at = widest, np.arange(len(boxes))
         low, high = boxes.start_low.copy(), boxes.start_high.copy()
-        high[widest, column] = low[widest, column] = halves
+        high[at] = low[at] = middle(low[at], high[at])
         lows, highs = np.hstack([boxes.start_low, low]), np.hstack([high, boxes.start_high])
         self._waiting.append(_Boxes.beginning(lows, highs, self._varies))
 
@@ -305,8 +304,7 @@ class Reach:
         self._keep(boxes, boxes.steps + 1, np.full(len(boxes), NEVER))
 
     def _keep_never(self, boxes: _Boxes) -> None:
-        never = np.full(len(boxes), NEVER)
-        self._keep(boxes, never, never)
+        self._keep(boxes, *[np.full(len(boxes), NEVER)] * 2)
 
     def _keep(self, boxes: _Boxes, first: Integers, last: Integers) -> None:
         if len(boxes):
