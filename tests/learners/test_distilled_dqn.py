@@ -342,6 +342,27 @@ def test_a_model_is_compared_with_what_trees_really_earned(whole, shown):
     assert trust.episodes.tolist() == list(range(4, len(trees) + 2))
 
 
+@pytest.mark.parametrize("affordable", [3, 14, 100])
+def test_no_more_challengers_race_than_can_be_run_until_the_first_look(affordable, whole, shown):
+    """With 14 episodes left, six trees had two or three each, and one that is poor won by luck."""
+    loop, states = whole
+    learner = METHOD.restore(
+        problem_of(shown), Start(None, shown.kept), copied(states[Stage.RACE][0])
+    )
+    mean_length = learner._experience.mean_length
+    learner.steps = BUDGET - int(np.ceil(affordable * mean_length))
+    before = len(learner.races.trees)
+    learner._propose(np.random.default_rng(5))
+    races, proposed = learner.races, range(before, len(learner.races.trees))
+    entrants = set(races.entrants[1:])
+    assert len(entrants) == min(max(affordable // 4 - 1, 1), len(proposed))
+    left_out = set(proposed) - entrants
+    assert bool(left_out) == (affordable < 100)
+    if left_out:
+        best_left_out = max(races.trees[one].imagined for one in left_out)
+        assert min(races.trees[one].imagined for one in entrants) >= best_left_out
+
+
 def test_it_needs_demonstrations(shown):
     refusal = METHOD.needs.refusal(problem_of(shown), Start())
     assert refusal == "it starts from demos or tree+demos, got nothing"

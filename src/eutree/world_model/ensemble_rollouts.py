@@ -12,8 +12,6 @@ from eutree.world_model.rollouts import DRAWS, Gain, Rollouts
 
 FIRST_LOOK = 5  # a comparison is looked at when a fifth of the episodes has been run
 CLEARLY = 2.0  # standard errors below the gain that would be needed
-
-
 PESSIMISM = 0.5  # standard deviations of the members that are taken off a score
 
 
@@ -107,7 +105,6 @@ class EnsembleRollouts(Rollouts):
 # A tree that copies a teacher is cut to size one node at a time. A node gives way to one of its
 # children; of some such cuts, drawn at random, those that cost least in a few rollouts are
 # compared on all of them, and the best is made.
-
 
 TRIED = 24  # cuts that are looked at before one is made
 SHORT_LOOK = 40  # episodes of pruning, about

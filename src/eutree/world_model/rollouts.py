@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 # their returns only by their actions, and only episodes in which they act differently are run
 # again.
 
-
 DRAWS = 2**18
 
 

@@ -335,8 +335,12 @@ class DistilledDQNLearner:
         first = len(races.trees)
         races.trees += self.challengers.make(n_pruned, generator)
         self.challengers.imagine(races.trees, races.policy, generator)
+        looks = LOOKS if affordable > MANY_EPISODES else SHORT_LOOKS
+        # Where not all can be run until the first look, those that the model scores best.
+        most = max(int(affordable / looks[0]) - 1, 1)
         challengers = [*range(first, len(races.trees)), *known]
-        return races.begin(challengers, LOOKS if affordable > MANY_EPISODES else SHORT_LOOKS)
+        promising = sorted(challengers, key=lambda one: -races.trees[one].imagined)[:most]
+        return races.begin([one for one in challengers if one in promising], looks)
 
     def _raced(self, generator: np.random.Generator) -> Figures:
         """Take the last episode as one of the race, and go on."""
