@@ -345,7 +345,7 @@ def test_a_model_is_compared_with_what_trees_really_earned(whole, shown):
 @pytest.mark.parametrize("affordable", [3, 14, 100])
 def test_no_more_challengers_race_than_can_be_run_until_the_first_look(affordable, whole, shown):
     """With 14 episodes left, six trees had two or three each, and one that is poor won by luck."""
-    loop, states = whole
+    _, states = whole
     learner = METHOD.restore(
         problem_of(shown), Start(None, shown.kept), copied(states[Stage.RACE][0])
     )
