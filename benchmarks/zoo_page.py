@@ -2,6 +2,8 @@
 
 Run: python -m benchmarks.zoo_page [--docs FOLDER] [--tasks TASK ...]
 
+With ``--tasks`` the cards of other tasks stay as they are.
+
 A tree is drawn at play in its first fresh episode, and written as a Python program of one line that
 decides like it, ``play(x)``, after the protocol of Kohler and others (2025): its bytes, and the
 time of a decision. Times are of this machine, so beside them stands a thing that was timed in the
@@ -11,6 +13,7 @@ Each program is a file of ``docs/static/play``; what ``eutree prove`` answers st
 
 import argparse
 import json
+import re
 import subprocess
 import sys
 import timeit
@@ -171,17 +174,27 @@ def card_lines(card: zoo.Card, docs: Path) -> Iterator[str]:
         yield f"```text\n{program}```\n"
 
 
+def card_on(page: str, name: str) -> str:
+    """Return the card of a tree as it stands on a page."""
+    found = re.search(rf"^### {re.escape(name)}\n.*?(?=^### |\Z)", page, re.DOTALL | re.MULTILINE)
+    if found is None:
+        raise SystemExit(f"the page has no card of {name}: name its task, too")
+    return found[0].rstrip() + "\n"
+
+
 def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--docs", type=Path, default=DOCS)
     parser.add_argument("--tasks", nargs="+", default=zoo.tasks())
     arguments = parser.parse_args()
-    head, _, _ = (DOCS / "zoo.md").read_text().partition(BEGIN)
+    head, _, cards = (DOCS / "zoo.md").read_text().partition(BEGIN)
     lines = [head.rstrip(), "", BEGIN, NOTE]
     for card in zoo.cards():
         if card.task in arguments.tasks:
             lines += card_lines(card, arguments.docs)
             print(card.name, flush=True)
+        else:
+            lines.append(card_on(cards, card.name))
     (arguments.docs / "zoo.md").write_text("\n".join(lines).rstrip() + "\n")
 
 

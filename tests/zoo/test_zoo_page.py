@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from benchmarks.zoo_page import DOCS, PLAY, compiled, play_program
+from benchmarks.zoo_page import DOCS, PLAY, card_on, compiled, main, play_program
 
 from eutree import zoo
 
@@ -46,3 +46,12 @@ def test_the_card_on_the_page_is_that_of_the_tree(card: zoo.Card) -> None:
 
 def test_the_page_has_no_card_of_a_tree_that_is_gone() -> None:
     assert re.findall(r"^### (.*)$", PAGE, re.MULTILINE) == [one.name for one in zoo.cards()]
+
+
+def test_cards_of_other_tasks_stay(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Once a page of the tasks that were named alone took the place of the page."""
+    monkeypatch.setattr("sys.argv", ["zoo_page", "--docs", str(tmp_path), "--tasks", "None-v0"])
+    main()
+    assert (tmp_path / "zoo.md").read_text(encoding="utf-8") == PAGE
+    with pytest.raises(SystemExit, match="no card of Other-v0:4"):
+        card_on(PAGE, "Other-v0:4")
