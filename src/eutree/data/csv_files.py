@@ -265,9 +265,8 @@ class _Table:
             return text
         if is_nothing(text) and all(map(is_quantity, self._codes)):
             return ""
-        return (
-            text.replace(",", ".") if self._has_comma and _DECIMAL_COMMA.fullmatch(text) else text
-        )
+        is_decimal = self._has_comma and _DECIMAL_COMMA.fullmatch(text)
+        return text.replace(",", ".") if is_decimal else text
 
     def _code(self, row: dict[str, str]) -> int:
         code = self._codes.setdefault(row["action"], len(self._codes))

@@ -145,7 +145,8 @@ class Plant:
         try:
             boxes = [Intervals.between(*np.repeat([end], n_actions, 0).T) for end in ends]
             moved = self.step(boxes, np.arange(n_actions))
-            self.arrives(moved), self.observe(moved), self.measure(moved)
+            for of_boxes in (self.arrives, self.observe, self.measure):
+                of_boxes(moved)
         except Exception as error:
             raise InvalidArgumentError(f"{kind} cannot move boxes: {described(error)}") from error
         if len(moved) != len(names) or not all(isinstance(one, Intervals) for one in moved):
