@@ -13,7 +13,6 @@ piece of its start is certified to end at, and must be in the box of that piece 
 import argparse
 import resource
 import subprocess
-import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +21,7 @@ import gymnasium
 import numpy as np
 
 import eutree
+from carried import boxes_along
 from eutree.envs.experts import EXPERTS
 from eutree.policies import TreePolicy
 from eutree.proof import Certificate, Plant, Trajectory, plant_of, prove, replay
@@ -29,9 +29,6 @@ from eutree.proof.certificate import NEVER
 from eutree.proof.reach import Acting
 from eutree.schema import EnvironmentSpec
 from other_tasks import DEMONSTRATIONS, TASKS, learned
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-from tests.proof.carried import boxes_along
 
 WAYS = ("c45", "learned", "raced")
 NAMES = {"c45": "C4.5 of demonstrations", "learned": "learned", "raced": "learned, raced"}

@@ -5,6 +5,7 @@ import functools
 import gymnasium
 import numpy as np
 import pytest
+from benchmarks.carried import boxes_along
 
 from eutree.errors import InvalidArgumentError
 from eutree.proof import Effort, Plant, check_plant, plant_of, prove, register_plant, replay
@@ -13,7 +14,6 @@ from eutree.proof.intervals import cos
 from eutree.proof.plant import MountainCar
 from eutree.proof.reach import Acting
 from eutree.schema import EnvironmentSpec
-from tests.proof.carried import boxes_along
 from tests.proof.policies import BAD, GOOD, SWITCH, policy_of
 
 SPEC = EnvironmentSpec("MountainCar-v0")
