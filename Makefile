@@ -1,7 +1,7 @@
 # eutree: `make demo` and `make test` install everything they need into .venv, then run.
 #
 #   make demo      demonstrations, training, evaluation, compression, export and a report
-#   make test      the tests (5:54 to 6:45 in 3 processes on two cores, kernels compiled before)
+#   make test      the tests (5:40 in 4 processes on two quiet cores, kernels compiled before)
 #   make test-all  the tests with the slow ones
 #   make check     format, lint, types, import contracts, documentation
 #   make docs      the documentation, into docs/_build/html
@@ -26,9 +26,9 @@ unexport PYTHONDONTWRITEBYTECODE
 
 PYTHON ?= python3
 VENV ?= .venv
-# Tests wait for browsers and other processes a quarter of their time, so three share two cores.
+# Tests wait for browsers and other processes a third of their time, so four share two cores.
 CORES := $(shell nproc 2>/dev/null || sysctl -n hw.ncpu 2>/dev/null || echo 2)
-JOBS ?= $(shell expr $(CORES) '*' 3 / 2)
+JOBS ?= $(shell expr $(CORES) + 2)
 ARGS ?=
 RUN_LOCK ?= requirements/run.txt
 TEST_LOCK ?= requirements/test.txt

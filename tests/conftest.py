@@ -68,7 +68,7 @@ def proc() -> Path:
 
 
 @pytest.fixture(scope="module")
-def chromium() -> Iterator[Any]:
+def module_browser() -> Iterator[Any]:
     """A browser for the tests of one module.
 
     Playwright cannot be started twice in a thread, and while it runs nothing else there may have an
@@ -78,3 +78,11 @@ def chromium() -> Iterator[Any]:
 
     with browser() as started:
         yield started
+
+
+@pytest.fixture
+def chromium(module_browser: Any) -> Iterator[Any]:
+    """The module's browser; the pages that a test leaves open end with it, and cost no more."""
+    yield module_browser
+    for context in module_browser.contexts:
+        context.close()

@@ -14,6 +14,7 @@ import pytest
 from joblib.externals.loky import get_reusable_executor
 
 import eutree  # registers its environments before a page registers its own
+from eutree.envs import PLANTS
 from tests.contracts.documents import (
     ENOUGH,
     ROOT,
@@ -50,15 +51,13 @@ def name(page: Path) -> str:
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    """Return an empty folder to run a page in; what is imported from it is forgotten."""
+    """Return an empty folder to run a page in; what it imports and registers is forgotten."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(str(tmp_path))
-    registered = set(gymnasium.registry)
-    yield tmp_path
+    with mock.patch.dict(gymnasium.registry), mock.patch.dict(PLANTS):
+        yield tmp_path
     for module in [m for m, v in sys.modules.items() if _lies_in(v, tmp_path)]:
         del sys.modules[module]
-    for new in set(gymnasium.registry) - registered:
-        del gymnasium.registry[new]
 
 
 def _lies_in(module: object, folder: Path) -> bool:
