@@ -236,7 +236,10 @@ def test_a_time_that_is_none_or_goes_back_is_said(tmp_path, plant):
     log = LogFormat(time="t", time_format="%d.%m.%Y")
     assert len(Demonstrations.from_csv(german, log=log)) == 1
     german.write_text("t;action;x\n5;a;1\n4;a;2\n")
-    with pytest.raises(FormatError, match="line 3: t goes back, to '4': sort the rows"):
+    with pytest.raises(FormatError, match="line 3: t goes back, to '4': sort the rows, or name"):
+        Demonstrations.from_csv(german, log=LogFormat(time="t"))
+    german.write_text("episode;t;action;x\nnight;5;a;1\nday;3;a;2\nnight;4;a;2\n")
+    with pytest.raises(FormatError, match=r"line 4: .*: sort the rows of episode night$"):
         Demonstrations.from_csv(german, log=LogFormat(time="t"))
 
 

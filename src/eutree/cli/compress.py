@@ -170,8 +170,7 @@ def compress(
             "path": str(out),
         },
         f"{small}\n{front_drawn(report.front, 'start')}"
-        f"{_in_words(report, len(observations))}{unplayed}; "
-        f"written to {out}{beside(found)}",
+        f"{_in_words(report, len(observations))}{unplayed}; written to {out}{beside(found)}",
     )
 
 

@@ -208,9 +208,9 @@ class _Table:
         now = self._log.seconds(text)
         step = now - self._times.get(name, now)
         if step < 0:
+            other = f" of episode {name}" if name else ", or name the column of the episodes"
             raise InvalidArgumentError(
-                f"{self._log.time} goes back, to {text!r}: sort the rows, or name the column of "
-                "the episodes"
+                f"{self._log.time} goes back, to {text!r}: sort the rows{other}"
             )
         if self._log.episode_gap is not None and step > self._log.episode_gap:
             self._present.pop(name, None)

@@ -275,7 +275,8 @@ def register_plant(environment: str, factory: Factory) -> None:
     PLANTS[environment] = factory
 
 
-def plant_of(spec: EnvironmentSpec | None) -> Plant | None:
-    """Return the plant of an environment, or None where none is known."""
+def plant_of(environment: EnvironmentSpec | str | None) -> Plant | None:
+    """Return the plant of an environment, or of its id; None where none is known."""
+    spec = EnvironmentSpec(environment) if isinstance(environment, str) else environment
     factory = None if spec is None else {**_OWN, **PLANTS}.get(spec.id.rpartition(":")[2])
     return None if spec is None or factory is None else factory(spec)
