@@ -1,12 +1,13 @@
 """Measure the table: what a small tree earns at a size after a number of counted steps.
 
-Run: python benchmarks/table.py TASK [TASK ...] [--who eutree dagger viper network]
+Run: python benchmarks/table.py TASK [TASK ...] [--who eutree derived dagger viper network]
      [--steps 10000 50000 100000] [--leaves 4 8 16 32] [--seeds 10] [--first 20000]
      [--trees FOLDER] [--out docs/results/table]
 
 A cell is a run of its own, in a process of its own: 15 demonstrations of the task's script, then
 the settings of ``src/eutree/zoo/settings/TASK.toml`` for the steps that are left (demonstrations
 count). The tree has at most so many leaves, and 200 fresh episodes say what it earns.
+``derived`` does the same with the settings of ``TASK-derived.toml``, which declare features.
 ``dagger`` and ``viper`` make trees (CART) of a DQN of Stable-Baselines3 with the settings of its
 zoo, which has four fifths of the steps; all its steps count. ``network`` is that DQN with all of
 them: the line above. A row is written as soon as it is known, and what a file of rows has already
@@ -47,6 +48,7 @@ ROOT = Path(__file__).resolve().parents[1]
 ROWS = ROOT / "docs" / "results" / "table"
 STEPS, LEAVES = (10_000, 50_000, 100_000), (4, 8, 16, 32)
 SEEDS, FIRST, FINAL_EPISODES = 10, 20_000, 200
+OURS = ("eutree", "derived")
 STUDENTS = ("dagger", "viper")
 ROUNDS, TEACHERS = 8, 0.8  # of DAgger and VIPER; the share of the steps that their teacher takes
 COLUMNS = ("who", "task", "steps", "leaves", "seed", "return", "error", "success", "worst",
@@ -116,8 +118,8 @@ class Settings:
     derived: Names  # of its features, those that are computed
 
     @classmethod
-    def of(cls, task: str) -> "Settings":
-        path = zoo.settings_of(task)
+    def of(cls, task: str, who: str = "eutree") -> "Settings":
+        path = zoo.settings_of(f"{task}-derived" if who == "derived" else task)
         method = chosen_method(None, offline=False, settings=path, changes=(), discount=None)
         run = RunSettings.of(path)
         script = script_of(task, str(run.expert))
@@ -191,7 +193,7 @@ def distilled(cell: Cell, env: Any) -> tuple[eutree.TreePolicy, int]:
 
 def measured(cell: Cell, trees: Path | None) -> dict[str, Any]:
     """Run a cell and return its row; its tree is kept in a folder, if there is one."""
-    settings = Settings.of(cell.task)
+    settings = Settings.of(cell.task, cell.who)
     with named(settings.derived):
         env = make(EnvironmentSpec(cell.task, settings.arguments))
     taught = int(TEACHERS * cell.steps) if cell.who in STUDENTS else 0
@@ -201,15 +203,14 @@ def measured(cell: Cell, trees: Path | None) -> dict[str, Any]:
         policy: Any = network(cell.task, cell.steps, cell.seed)[0]
         used, has_leaves = cell.steps, 0
     else:
-        ours = cell.who == "eutree"
+        ours = cell.who in OURS
         policy, used = learned(cell, env, settings) if ours else distilled(cell, env)
         has_leaves = policy.tree.n_leaves
     spent = time.process_time() - begin
     end = eutree.evaluate(policy, env, episodes=FINAL_EPISODES, seed=1_000_000 + cell.seed)
-    if trees is not None and cell.who == "eutree":
+    if trees is not None and cell.who in OURS:
         trees.mkdir(parents=True, exist_ok=True)
-        name = f"{cell.task.replace('/', '-')}-{cell.steps}-{cell.leaves}-{cell.seed}.json"
-        policy.save(trees / name)
+        policy.save(trees / tree_of(cell))
     returns = end.returns
     return {
         "who": cell.who, "task": cell.task, "steps": cell.steps, "leaves": cell.leaves,
@@ -221,6 +222,17 @@ def measured(cell: Cell, trees: Path | None) -> dict[str, Any]:
         "peak_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024,
         "commit": commit(),
     }  # fmt: skip
+
+
+def tree_of(cell: Cell) -> str:
+    """Return the name of the file that a cell's tree is kept in."""
+    task = cell.task.replace("/", "-") + "-derived" * (cell.who == "derived")
+    return f"{task}-{cell.steps}-{cell.leaves}-{cell.seed}.json"
+
+
+def cell_of(row: dict[str, str]) -> Cell:
+    """Return the cell that a row is of."""
+    return Cell(row["who"], row["task"], int(row["steps"]), int(row["leaves"]), int(row["seed"]))
 
 
 def commit() -> str:
@@ -242,10 +254,7 @@ def rows_of(path: Path) -> list[dict[str, str]]:
 
 
 def known(path: Path) -> set[Cell]:
-    return {
-        Cell(row["who"], row["task"], int(row["steps"]), int(row["leaves"]), int(row["seed"]))
-        for row in rows_of(path)
-    }
+    return {cell_of(row) for row in rows_of(path)}
 
 
 def run(cells: Iterable[Cell], folder: Path, trees: Path | None) -> None:

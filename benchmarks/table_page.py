@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from benchmarks.table import LEAVES, ROOT, ROWS, SEEDS, rows_of
+from benchmarks.table import LEAVES, OURS, ROOT, ROWS, SEEDS, rows_of
 
 from eutree.evaluation import mean_interval
 
@@ -32,7 +32,8 @@ ENOUGH = 0.9  # a cell whose runs used a smaller share of their steps says so
 FEW = 5  # seeds: the interval of fewer is as wide as the picture, and stands on the page alone
 BELOW = 0.5  # of the height of all own means: so far below them others are drawn
 FAR = 4.0  # of the best return: so far below it, where nothing was run here
-COLOURS = {"eutree": "Blues", "dagger": "Oranges", "viper": "Greens", "network": "Greys"}
+COLOURS = {"eutree": "Blues", "derived": "Purples", "dagger": "Oranges", "viper": "Greens",
+           "network": "Greys"}  # fmt: skip
 MARKS = "xD^sv*P<>p"
 
 
@@ -166,7 +167,7 @@ def lines_of(axes: Any, rows: Rows) -> Iterator[float]:
         has = [np.mean([float(row["has_leaves"]) for row in cell]) for cell in cells]
         axes.errorbar(has, means, yerr=np.abs(np.subtract(bounds, np.array(means)[:, None])).T,
                       marker="o", capsize=3, label=label, color=colour,
-                      linestyle="-" if who == "eutree" else "--")  # fmt: skip
+                      linestyle="-" if who in OURS else "--")  # fmt: skip
         few = [cell for cell in cells if len(cell) < FEW]
         runs = [(float(row["has_leaves"]), float(row["return"])) for cell in few for row in cell]
         axes.scatter(*np.array(runs).reshape(-1, 2).T, s=9, color=colour, alpha=0.5)
@@ -258,6 +259,10 @@ value](../decisions/distilled-dqn.md) that learned from its own steps alone; row
 LunarLander, Pendulum and two tanks from before 5e259719 pruned all recipes of large trees alike. Of
 these four tasks, runs of 10,000 steps from before aab6b53d raced [more challengers than they had
 episodes for](../decisions/distilled-dqn.md).
+
+`derived` is eutree with the [derived features](../derived-features.md) that the settings
+`zoo:TASK-derived` declare, which somebody who knows the task wrote down; its sizes are beside the
+others', which have the raw numbers alone.
 
 `dagger` and `viper` are CART by DAgger and VIPER from a DQN of Stable-Baselines3, with its zoo's
 settings and four fifths of the steps; `network` is that DQN with all of them and no tree at all.

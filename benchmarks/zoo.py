@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from benchmarks.table import Settings, rows_of
+from benchmarks.table import OURS, Settings, cell_of, rows_of, tree_of
 
 import eutree
 from eutree import zoo
@@ -39,12 +39,11 @@ FINALISTS = 3
 def rows() -> list[dict[str, str]]:
     """Return all rows of the table that are ours."""
     paths = sorted((ROOT / "docs" / "results" / "table").glob("*.csv"))
-    return [row for path in paths for row in rows_of(path) if row["who"] == "eutree"]
+    return [row for path in paths for row in rows_of(path) if row["who"] in OURS]
 
 
 def file_of(row: dict[str, str], trees: Path) -> Path:
-    task = row["task"].replace("/", "-")
-    return trees / f"{task}-{row['steps']}-{row['leaves']}-{row['seed']}.json"
+    return trees / tree_of(cell_of(row))
 
 
 def returns_of(policy: eutree.TreePolicy, task: str, episodes: int, seed: int) -> Any:
@@ -79,13 +78,14 @@ def card_of(row: dict[str, str], policy: eutree.TreePolicy, size: int, episodes:
     task = row["task"]
     end = returns_of(policy, task, episodes, JUDGING)
     low, high = mean_interval(end.returns)
+    who = " --who derived" if row["who"] == "derived" else ""
     return zoo.Card(
         task=task, most_leaves=size, leaves=policy.n_leaves,
         mean_return=round(float(end.mean_return), 2),
         interval=(round(low, 2), round(high, 2)), worst=round(float(end.returns.min()), 2),
         success=None if end.success_rate is None else round(float(end.success_rate), 4),
         episodes=episodes, steps=int(row["used"]), seed=int(row["seed"]),
-        command=f"python benchmarks/table.py {task} --steps {row['steps']} "
+        command=f"python benchmarks/table.py {task}{who} --steps {row['steps']} "
         f"--leaves {row['leaves']} --first {row['seed']} --seeds 1",
         commit=row["commit"], date=date.today().isoformat(), extra=EXTRAS.get(task, ""),
         module=zoo.module_of(task),

@@ -62,7 +62,7 @@ def compiled(program: str) -> Callable[[Any], int]:
 
 
 def seen_by(policy: eutree.TreePolicy, env: Any) -> tuple[np.ndarray, list[Any]]:
-    """Return the observations of one episode, and its pictures, if the task draws any."""
+    """Return what a tree asks in one episode, and its pictures, if the task draws any."""
 
     def seen() -> list[Any]:
         return [env.render()] if env.render_mode else []
@@ -75,7 +75,7 @@ def seen_by(policy: eutree.TreePolicy, env: Any) -> tuple[np.ndarray, list[Any]]
         observation, _, terminated, truncated, _ = env.step(action)
         pictures += seen()
         over = terminated or truncated
-    return np.array(rows), pictures
+    return policy.derivation.of_episode(np.array(rows)), pictures
 
 
 def draw(pictures: list[Any], path: Path) -> None:
@@ -158,6 +158,8 @@ def card_lines(card: zoo.Card, docs: Path) -> Iterator[str]:
     yield f"| leaves | {card.leaves} |"
     yield f"| return of {card.episodes:,} fresh episodes | {card.mean_return} [{low}, {high}] |"
     yield f"| worst of them | {card.worst} |"
+    for derived in policy.schema.derived:
+        yield f"| derived | `{derived.name} = {derived.formula}` |"
     if card.success is not None:
         yield f"| success | {card.success:.1%} |"
     yield f"| counted steps | {card.steps:,}, with seed {card.seed} |"
@@ -202,8 +204,9 @@ NOTE = """\
 Made by `python -m benchmarks.zoo_page`. Each tree is shown in an episode that chose nothing, and
 as a Python program of one line that decides like it, `play(x)`, a file each: its bytes, and the
 time of a decision beside that of a network with two layers of 64 in numpy, timed in the same
-seconds on one machine (the protocol of Kohler and others, 2025). `eutree prove` answers of the
-property that the task's plant has of its own; where no plant is known it is statistical.
+seconds on one machine (the protocol of Kohler and others, 2025). What is derived stands in `x`
+behind what is measured. `eutree prove` answers of the property that the task's plant has of its
+own; where no plant is known it is statistical.
 """
 
 
