@@ -112,6 +112,15 @@ def test_the_settings_of_a_task_say_how_it_is_made_and_who_shows_it() -> None:
     assert env.action_space.n == 5
 
 
+def test_who_has_derived_features_is_told_apart_and_its_trees_too() -> None:
+    raw = table.Cell("eutree", "LunarLander-v3", 100_000, 8, 20_000)
+    derived = replace(raw, who="derived")
+    assert table.tree_of(raw) != table.tree_of(derived)
+    assert table.Settings.of(raw.task, raw.who).derived.derived == ()
+    declared = table.Settings.of(derived.task, derived.who).derived.derived
+    assert [one.partition(" = ")[0] for one in declared] == ["tilt", "drop"]
+
+
 def test_a_task_is_compared_with_the_last_release_that_has_it(tmp_path: Path) -> None:
     for name, tasks in (("001.csv", ("A", "B")), ("002.csv", ("B",))):
         lines = ["task,return", *(f"{task},{name[:3]}" for task in tasks)]
