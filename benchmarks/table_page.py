@@ -308,10 +308,10 @@ actions](../decisions/labels-as-sets.md) as labels: -101.9 |
 -82.6 with 8 | [a teacher that learns on, by quantiles, and ten prunings for six that \
 race](../decisions/distilled-dqn.md): 3.8 more; now its copies of 8 leaves lose; sets of actions: \
 no swing |
-| LunarLander 200 with 34, 160 with 20, 500 k, by raw numbers | 177.1 with 32, 117.9 with 16 | [most \
-prunings of the recipe that the model scores best](../decisions/distilled-dqn.md): 31.8 more with 32, nothing \
-with 16; better copies of the teacher, revisions of the policy: no gain; next: the steps of rounds \
-whose challengers never win into more prunings of the first |
+| LunarLander 200 with 34, 160 with 20, 500 k, by raw numbers | 177.1 with 32, 117.9 with 16 | \
+[most prunings of the recipe that the model scores best](../decisions/distilled-dqn.md): 31.8 more \
+with 32, nothing with 16; better copies of the teacher, revisions of the policy: no gain; next: \
+the steps of rounds whose challengers never win into more prunings of the first |
 | LunarLander 230 with 34, 1 M | 180.3 with 32 by raw numbers, three runs | twice the steps of \
 races |"""
 
