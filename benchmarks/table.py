@@ -119,12 +119,17 @@ class Settings:
 
     @classmethod
     def of(cls, task: str, who: str = "eutree") -> "Settings":
-        path = zoo.settings_of(f"{task}-derived" if who == "derived" else task)
+        path = zoo.settings_of(settings_name(task, who))
         method = chosen_method(None, offline=False, settings=path, changes=(), discount=None)
         run = RunSettings.of(path)
         script = script_of(task, str(run.expert))
         return cls(method, script, run.demonstrations, run.race_share, dict(run.arguments),
                    Names(derived=tuple(run.derived)))  # fmt: skip
+
+
+def settings_name(task: str, who: str) -> str:
+    """Return the name of the settings with which somebody learns a task."""
+    return f"{task}-derived" if who == "derived" else task
 
 
 def script_of(task: str, name: str) -> Any:
@@ -226,7 +231,7 @@ def measured(cell: Cell, trees: Path | None) -> dict[str, Any]:
 
 def tree_of(cell: Cell) -> str:
     """Return the name of the file that a cell's tree is kept in."""
-    task = cell.task.replace("/", "-") + "-derived" * (cell.who == "derived")
+    task = settings_name(cell.task, cell.who).replace("/", "-")
     return f"{task}-{cell.steps}-{cell.leaves}-{cell.seed}.json"
 
 
