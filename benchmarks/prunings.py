@@ -22,7 +22,7 @@ from typing import Any
 from unittest import mock
 
 import numpy as np
-from benchmarks.table import Cell, Settings, learned
+from benchmarks.table import Cell, Learning, Settings
 
 import eutree
 from eutree.interaction.making import make
@@ -62,7 +62,7 @@ def learner_at(
 
     try:
         with mock.patch.object(DistilledDQNLearner, "_propose", stop):
-            learned(cell, env, settings)
+            Learning(cell, env, settings).result()
     except ProposedError as error:
         return error.learner, error.generator
     raise SystemExit(f"{cell}: {len(made)} proposals were made, two are needed")

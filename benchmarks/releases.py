@@ -118,7 +118,7 @@ def run(tasks: Sequence[str], processes: int) -> list[dict[str, Any]]:
     ]  # fmt: skip
     # A process for each run: the peak of its memory is that of all that it ran before.
     with multiprocessing.get_context("spawn").Pool(processes, maxtasksperchild=1) as pool:
-        return pool.starmap(measured, [(cell, None) for cell in cells], chunksize=1)
+        return pool.starmap(measured, [(cell, None, None) for cell in cells], chunksize=1)
 
 
 def main() -> None:

@@ -6,7 +6,8 @@ Run: python benchmarks/table.py TASK [TASK ...] [--who eutree derived dagger vip
 
 A cell is a run of its own, in a process of its own: 15 demonstrations of the task's script, then
 the settings of ``src/eutree/zoo/settings/TASK.toml`` for the steps that are left (demonstrations
-count). The tree has at most so many leaves, and 200 fresh episodes say what it earns.
+count). The tree has at most so many leaves, and 200 fresh episodes say what it earns. What sizes
+have in common is learned once, and counted in each (``benchmarks/common_part.py``).
 ``derived`` does the same with the settings of ``TASK-derived.toml``, which declare features.
 ``dagger`` and ``viper`` make trees (CART) of a DQN of Stable-Baselines3 with the settings of its
 zoo, which has four fifths of the steps; all its steps count. ``network`` is that DQN with all of
@@ -27,9 +28,10 @@ import sys
 import time
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from itertools import groupby
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import gymnasium
@@ -43,6 +45,10 @@ from eutree.envs.experts import EXPERTS
 from eutree.interaction.making import make
 from eutree.interaction.names import Names, named
 from eutree.schema import EnvironmentSpec
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the examples, and what is beside
+
+from benchmarks.common_part import GoesOn, LeavesCheckpoint, name_of
 
 ROOT = Path(__file__).resolve().parents[1]
 ROWS = ROOT / "docs" / "results" / "table"
@@ -135,25 +141,51 @@ def settings_name(task: str, who: str) -> str:
 def script_of(task: str, name: str) -> Any:
     """Return who demonstrates: one of the package's, or MODULE:NAME, which registers the task."""
     module, _, own = name.rpartition(":")
-    if module and str(ROOT) not in sys.path:
-        sys.path.append(str(ROOT))  # examples of this repository, run from wherever
     found = getattr(importlib.import_module(module), own) if module else EXPERTS[task][name]
     return found() if isinstance(found, type) else found
 
 
-def learned(cell: Cell, env: Any, settings: Settings) -> tuple[eutree.TreePolicy, int]:
-    """Return the tree of a run with the task's settings, and all steps that it took."""
-    episodes = settings.demonstrations
-    shown = eutree.record(env, settings.expert, episodes=episodes, seed=cell.seed)
-    left = cell.steps - shown.n_transitions
-    if left <= 0:
-        raise SystemExit(f"{cell}: the demonstrations alone take {shown.n_transitions} steps")
-    result = eutree.learn(
-        env, demonstrations=shown, method=settings.method, steps=left,
-        race_steps=int(settings.race * left), max_leaves=cell.leaves, judge_episodes=0,
-        evaluate_every=10**6, evaluation_episodes=1, seed=cell.seed,
-    )  # fmt: skip
-    return result.policy, result.environment_steps.total
+class Learning:
+    """A run with its task's settings, in the steps that its demonstrations leave.
+
+    What it has in common with other sizes is kept in a folder, if there is one.
+    """
+
+    def __init__(
+        self, cell: Cell, env: Any, settings: Settings, folder: Path | None = None
+    ) -> None:
+        shown = eutree.record(
+            env, settings.expert, episodes=settings.demonstrations, seed=cell.seed
+        )
+        left = cell.steps - shown.n_transitions
+        if left <= 0:
+            raise SystemExit(f"{cell}: the demonstrations alone take {shown.n_transitions} steps")
+        self._leaves = cell.leaves
+        self._learn = partial(
+            eutree.learn, env, demonstrations=shown, method=settings.method, steps=left,
+            race_steps=int(settings.race * left), judge_episodes=0, evaluate_every=10**6,
+            evaluation_episodes=1, seed=cell.seed,
+        )  # fmt: skip
+        name = settings_name(cell.task, cell.who).replace("/", "-")
+        name = f"{name}-{cell.seed}-{name_of(settings.method, left)}.npz"
+        self._common = None if folder is None else folder / name
+
+    def common_seconds(self) -> float:
+        """Return the CPU seconds of what sizes have in common; the first of them learns that."""
+        if self._common is None:
+            return 0.0
+        path = self._common.with_suffix(".seconds")
+        if not path.exists():
+            begin = time.process_time()
+            self._learn(max_leaves=min(LEAVES), listeners=LeavesCheckpoint(self._common))
+            path.write_text(str(time.process_time() - begin))
+        return float(path.read_text())
+
+    def result(self) -> tuple[eutree.TreePolicy, int]:
+        """Return the tree, and all steps that the run took."""
+        begins = () if self._common is None else GoesOn(self._common)
+        found = self._learn(max_leaves=self._leaves, listeners=begins)
+        return found.policy, found.environment_steps.total
 
 
 @cache
@@ -196,22 +228,32 @@ def distilled(cell: Cell, env: Any) -> tuple[eutree.TreePolicy, int]:
     return tree, steps + report.environment_steps
 
 
-def measured(cell: Cell, trees: Path | None) -> dict[str, Any]:
-    """Run a cell and return its row; its tree is kept in a folder, if there is one."""
+def measured(cell: Cell, trees: Path | None, common: Path | None) -> dict[str, Any]:
+    """Run a cell and return its row.
+
+    Args:
+        cell: Which.
+        trees: Where its tree is kept; None for nowhere.
+        common: Where what it has in common with other sizes is kept; None learns it anew.
+    """
     settings = Settings.of(cell.task, cell.who)
     with named(settings.derived):
         env = make(EnvironmentSpec(cell.task, settings.arguments))
-    taught = int(TEACHERS * cell.steps) if cell.who in STUDENTS else 0
-    teacher = network(cell.task, taught, cell.seed)[1] if taught else 0.0
-    begin = time.process_time() - teacher
-    if cell.who == "network":
-        policy: Any = network(cell.task, cell.steps, cell.seed)[0]
-        used, has_leaves = cell.steps, 0
+    policy: Any
+    if cell.who in OURS:
+        learning = Learning(cell, env, settings, common)
+        shared = learning.common_seconds()
+        begin = time.process_time() - shared
+        policy, used = learning.result()
+    elif cell.who in STUDENTS:
+        _, taught = network(cell.task, int(TEACHERS * cell.steps), cell.seed)
+        begin = time.process_time() - taught
+        policy, used = distilled(cell, env)
     else:
-        ours = cell.who in OURS
-        policy, used = learned(cell, env, settings) if ours else distilled(cell, env)
-        has_leaves = policy.tree.n_leaves
+        begin = time.process_time()
+        policy, used = network(cell.task, cell.steps, cell.seed)[0], cell.steps
     spent = time.process_time() - begin
+    has_leaves = policy.tree.n_leaves if isinstance(policy, eutree.TreePolicy) else 0
     end = eutree.evaluate(policy, env, episodes=FINAL_EPISODES, seed=1_000_000 + cell.seed)
     if trees is not None and cell.who in OURS:
         trees.mkdir(parents=True, exist_ok=True)
@@ -266,10 +308,12 @@ def run(cells: Iterable[Cell], folder: Path, trees: Path | None) -> None:
     """Run what is not known yet, one after the other: trees of one network in one process."""
     context = multiprocessing.get_context("spawn")
     new = [cell for cell in cells if cell not in known(file_of(folder, cell.task))]
-    for _, together in groupby(new, key=process_of):
-        with context.Pool(1) as pool:
-            for cell in together:
-                keep(pool.apply(measured, (cell, trees)), file_of(folder, cell.task))
+    with TemporaryDirectory() as common:
+        for _, together in groupby(new, key=process_of):
+            with context.Pool(1) as pool:
+                for cell in together:
+                    row = pool.apply(measured, (cell, trees, Path(common)))
+                    keep(row, file_of(folder, cell.task))
 
 
 def process_of(cell: Cell) -> Cell:
