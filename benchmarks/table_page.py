@@ -94,14 +94,20 @@ def of_task(rows: Rows) -> list[str]:
             cells.append(summary(here) if here else "")
         name = who if not leaves else f"{who}, {leaves} leaves"
         lines.append(f"| {name} | {' | '.join(cells)} |")
-    ours = [row for row in rows if row["who"] == "eutree"]
-    seconds = [float(row["cpu_s"]) for row in ours]
-    said = (
-        f"A run of eutree took {np.mean(seconds):.0f} CPU seconds on average, {max(seconds):.0f} "
-        f"at most, and {max(int(row['peak_mb']) for row in ours)} MB at its peak. Sources: "
-        f"{', '.join(sorted({row['commit'] for row in rows}))}."
+    said = [cost([row for row in rows if row["who"] == who]) for who in OURS]
+    said.append(f"Sources: {', '.join(sorted({row['commit'] for row in rows}))}.")
+    return [*lines, "", *textwrap.wrap(" ".join(filter(None, said)), 100)]
+
+
+def cost(runs: Rows) -> str:
+    """Return what somebody's runs cost, in a sentence; nothing of no runs."""
+    if not runs:
+        return ""
+    seconds, peak = ([float(row[name]) for row in runs] for name in ("cpu_s", "peak_mb"))
+    return (
+        f"A run of {runs[0]['who']} took {np.mean(seconds):.0f} CPU seconds on average, "
+        f"{max(seconds):.0f} at most, and {max(peak):.0f} MB at its peak."
     )
-    return [*lines, "", *textwrap.wrap(said, 100)]
 
 
 def elsewhere(rows: Rows) -> list[str]:
@@ -212,21 +218,24 @@ def rows_at(commit: str, path: Path) -> Rows:
 
 def compared(now: Rows, then: Rows) -> Iterator[str]:
     """Yield a line for each cell of ours that two or more seeds ran again: before, now, gain."""
-    places = ("task", "steps", "leaves")
-    ours = [{tuple(row[k] for k in (*places, "seed")): row for row in rows} for rows in (now, then)]
-    mine, other = ({k: row for k, row in of.items() if row["who"] == "eutree"} for of in ours)
+    places = ("who", "task", "steps", "leaves", "seed")
+    mine, other = (
+        {tuple(row[place] for place in places): row for row in rows if row["who"] in OURS}
+        for rows in (now, then)
+    )
     again = [key for key in mine if key in other and mine[key]["commit"] != other[key]["commit"]]
     for cell in dict.fromkeys(key[:-1] for key in again):
         keys = [key for key in again if key[:-1] == cell]
         if len(keys) < 2:
             continue
         gains = [float(mine[key]["return"]) - float(other[key]["return"]) for key in keys]
-        cost = [np.mean([float(of[key]["cpu_s"]) for key in keys]) for of in (other, mine)]
-        task, steps, leaves = cell
+        spent = [np.mean([float(of[key]["cpu_s"]) for key in keys]) for of in (other, mine)]
+        who, task, steps, leaves = cell
+        name = task if who == OURS[0] else f"{task}, {who}"
         yield (
-            f"| {task}, {int(steps):,} | {leaves} | {summary([other[key] for key in keys])} "
+            f"| {name}, {int(steps):,} | {leaves} | {summary([other[key] for key in keys])} "
             f"| {summary([mine[key] for key in keys])} | {np.mean(gains):.1f} "
-            f"{mean_interval(gains):.1f} | {cost[0]:.0f}, {cost[1]:.0f} |"
+            f"{mean_interval(gains):.1f} | {spent[0]:.0f}, {spent[1]:.0f} |"
         )
 
 
@@ -271,9 +280,11 @@ The share was chosen on the seeds 1000 and 1001 of CartPole, 50,000 steps, `dagg
 437.7 and 454.4 with four fifths, 254.0 and 456.7 with half. Copies of a network that learned to its
 end, in more steps, are in the rows from elsewhere.
 
-Each size is a run of its own. The front of a single run has every size too, but pays for it: it
-plays each of its trees from 60 starts or more, by default two steps for each step of the run, and
-within 100,000 steps of MountainCar there are enough for two trees.
+Each size is a run of its own. What runs of one seed have in common, up to where their sizes begin
+to matter, is learned once, to the same bytes, and each row counts its CPU seconds. The front of a
+single run has every size too, but pays for it: it plays each of its trees from 60 starts or more,
+by default two steps for each step of the run, and within 100,000 steps of MountainCar there are
+enough for two trees.
 
 `Cologne1-v0` is [the light](real-tasks.md), in half hours with demand drawn for each; it does not
 always repeat an episode, so its runs can be had again only on the mean. Runs of whole hours and
