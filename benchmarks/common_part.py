@@ -3,18 +3,30 @@
 Until a race begins, a planner gathers and plans without a limit of leaves; until DAgger begins,
 ``distilled-dqn`` trains its teacher. So runs of one seed that differ in ``max_leaves`` do the same
 up to there. Here the first of them leaves a checkpoint there, and each goes on from it, to the same
-bytes as a run of its own (``tests/training/test_common_part.py``). Its CPU seconds are counted in
-each row.
+bytes as a run of its own (``tests/training/test_common_part.py``). DAgger gathers the same for all
+sizes, too, so that the first world model after it is fitted once: its bytes are a function of what
+it is fitted to. The CPU seconds of both are counted in each row.
 """
 
+import hashlib
+import pickle
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from unittest import mock
 
+import numpy as np
+
+from eutree.learners.distilled_dqn import races
 from eutree.learners.distilled_dqn.learner import DistilledDQN, DistilledDQNLearner, Stage
 from eutree.learners.distilled_dqn.teaching import LAST_OF_TEACHER
 from eutree.training.checkpoint import restore_checkpoint, write_checkpoint
 from eutree.training.listeners import Listener
 from eutree.training.phases import Phase
 from eutree.training.run import Run
+from eutree.world_model import Transitions
+from eutree.world_model.ensemble import Ensemble, EnsembleSettings
 
 
 def is_over(run: Run) -> bool:
@@ -63,3 +75,33 @@ class GoesOn(Listener):
         restore_checkpoint(self._path, run)
         if own is not None and isinstance(run.learner, DistilledDQNLearner):
             run.learner.races.trees = own
+
+
+@contextmanager
+def fitted_once(folder: Path) -> Iterator[list[float]]:
+    """Let a world model that was fitted before be read from a folder; yield the seconds spared.
+
+    A fit is known by all that it depends on: the transitions, the settings, the state of the
+    generator, which is left as the fit left it.
+    """
+    spared: list[float] = []
+    fit = races.fit_ensemble
+
+    def known_fit(
+        data: Transitions, settings: EnsembleSettings, generator: np.random.Generator
+    ) -> Ensemble:
+        given = pickle.dumps((data, settings, generator.bit_generator.state))
+        path = folder / f"{hashlib.sha256(given).hexdigest()}.model"
+        if path.exists():
+            ensemble, state, seconds = pickle.loads(path.read_bytes())
+            generator.bit_generator.state = state
+            spared.append(seconds)
+            return ensemble
+        begin = time.process_time()
+        ensemble = fit(data, settings, generator)
+        seconds = time.process_time() - begin
+        path.write_bytes(pickle.dumps((ensemble, generator.bit_generator.state, seconds)))
+        return ensemble
+
+    with mock.patch.object(races, "fit_ensemble", known_fit):
+        yield spared

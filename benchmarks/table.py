@@ -27,6 +27,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterable
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from itertools import groupby
@@ -48,7 +49,7 @@ from eutree.schema import EnvironmentSpec
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the examples, and what is beside
 
-from benchmarks.common_part import GoesOn, LeavesCheckpoint, name_of
+from benchmarks.common_part import GoesOn, LeavesCheckpoint, fitted_once, name_of
 
 ROOT = Path(__file__).resolve().parents[1]
 ROWS = ROOT / "docs" / "results" / "table"
@@ -244,7 +245,9 @@ def measured(cell: Cell, trees: Path | None, common: Path | None) -> dict[str, A
         learning = Learning(cell, env, settings, common)
         shared = learning.common_seconds()
         begin = time.process_time() - shared
-        policy, used = learning.result()
+        with nullcontext([0.0]) if common is None else fitted_once(common) as spared:
+            policy, used = learning.result()
+        begin -= sum(spared)
     elif cell.who in STUDENTS:
         _, taught = network(cell.task, int(TEACHERS * cell.steps), cell.seed)
         begin = time.process_time() - taught

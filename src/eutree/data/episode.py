@@ -8,6 +8,7 @@ shifted.
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -182,7 +183,7 @@ class Episode(Frozen):
         weights[by_hand] = 1.0
         return weights
 
-    @property
+    @cached_property
     def undiscounted_return(self) -> float:
         """Sum of the rewards; 0 where none are known."""
         return float(self.rewards.sum())

@@ -44,8 +44,7 @@ class Variation:
             tree = packed(nested(tree, instead={int(node): nested(mate, int(source))}))
         while not changed or self._generator.random() < MORE:
             way = self._generator.choice(4, p=(0.4, 0.1, 0.3, 0.2))
-            tree = packed(nested(self._ways[way](tree, visited)))
-            changed = True
+            tree, changed = packed(nested(self._ways[way](tree, visited))), True
         return tree if 2 <= n_leaves(tree) <= self._max_leaves else None
 
     def _perturb_thresholds(self, tree: ActionTree, visited: Floats) -> ActionTree:
@@ -53,12 +52,13 @@ class Variation:
         if not inner.size:
             return tree
         node = self._generator.choice(inner)
-        values = np.sort(visited[:, tree.feature[node]])
-        at = int(np.searchsorted(values, tree.threshold[node]))
+        values = visited[:, tree.feature[node]]
+        at = int(np.count_nonzero(values < tree.threshold[node]))
         reach = values.size * self._generator.choice(SHIFTS) * self._generator.random()
         at += int(self._generator.choice((-1, 1)) * max(1.0, reach))
         at = int(np.clip(at, 1, values.size - 1))
         thresholds = tree.threshold.copy()
+        values = np.partition(values, (at - 1, at))  # sorted there: all that is read
         thresholds[node] = threshold_between(*values[at - 1 : at + 1].tolist())
         return tree._replace(threshold=thresholds)
 
@@ -72,8 +72,7 @@ class Variation:
         x = visited[self._generator.integers(len(visited))]
         leaf = leaf_node(tree, 0, x)
         some = visited[self._generator.integers(len(visited), size=BOX_ROWS)]
-        near = some[_in_leaf(tree, leaf, some)]
-        near = near if len(near) else x[None]
+        near = inside if len(inside := some[_in_leaf(tree, leaf, some)]) else x[None]
         box = np.full((x.size, 2), (-np.inf, np.inf))
         n_features = min(int(self._generator.choice((1, 1, 2))), x.size)
         for feature in self._generator.choice(x.size, n_features, replace=False):
