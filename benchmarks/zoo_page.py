@@ -158,8 +158,10 @@ def card_lines(card: zoo.Card, docs: Path) -> Iterator[str]:
     yield f"| leaves | {card.leaves} |"
     yield f"| return of {card.episodes:,} fresh episodes | {card.mean_return} [{low}, {high}] |"
     yield f"| worst of them | {card.worst} |"
+    asked = {policy.schema.features[feature] for feature in policy.tree.feature if feature >= 0}
     for derived in policy.schema.derived:
-        yield f"| derived | `{derived.name} = {derived.formula}` |"
+        if derived in asked:
+            yield f"| derived | `{derived.name} = {derived.formula}` |"
     if card.success is not None:
         yield f"| success | {card.success:.1%} |"
     yield f"| counted steps | {card.steps:,}, with seed {card.seed} |"
