@@ -189,6 +189,18 @@ class Learning:
         return found.policy, found.environment_steps.total
 
 
+def learned(
+    cell: Cell, env: Any, settings: Settings, common: Path | None
+) -> tuple[eutree.TreePolicy, int, float]:
+    """Return the tree of a run of ours, all steps that it took, and its CPU seconds."""
+    learning = Learning(cell, env, settings, common)
+    shared = learning.common_seconds()
+    begin = time.process_time()
+    with nullcontext([0.0]) if common is None else fitted_once(common) as spared:
+        policy, used = learning.result()
+    return policy, used, time.process_time() - begin + shared + sum(spared)
+
+
 @cache
 def network(task: str, steps: int, seed: int) -> tuple[Any, float]:
     """Return a DQN of Stable-Baselines3 that learned for so many steps, and its CPU seconds."""
@@ -208,10 +220,11 @@ def network(task: str, steps: int, seed: int) -> tuple[Any, float]:
     return model.learn(steps), time.process_time() - begin
 
 
-def distilled(cell: Cell, env: Any) -> tuple[eutree.TreePolicy, int]:
-    """Return the best tree that DAgger or VIPER makes of a network; all steps are counted."""
+def distilled(cell: Cell, env: Any) -> tuple[eutree.TreePolicy, int, float]:
+    """Return the best tree that DAgger or VIPER makes of a network, all steps, the CPU seconds."""
     steps = int(TEACHERS * cell.steps)
-    model, _ = network(cell.task, steps, cell.seed)
+    model, taught = network(cell.task, steps, cell.seed)
+    begin = time.process_time()
 
     def action_values(observations: np.ndarray) -> np.ndarray:
         tensor, _ = model.policy.obs_to_tensor(observations.astype(np.float32))
@@ -226,7 +239,7 @@ def distilled(cell: Cell, env: Any) -> tuple[eutree.TreePolicy, int]:
                              iterations=rounds, episodes=each, validation_episodes=2 * each),
         action_values=action_values, seed=cell.seed,
     )  # fmt: skip
-    return tree, steps + report.environment_steps
+    return tree, steps + report.environment_steps, time.process_time() - begin + taught
 
 
 def measured(cell: Cell, trees: Path | None, common: Path | None) -> dict[str, Any]:
@@ -242,20 +255,11 @@ def measured(cell: Cell, trees: Path | None, common: Path | None) -> dict[str, A
         env = make(EnvironmentSpec(cell.task, settings.arguments))
     policy: Any
     if cell.who in OURS:
-        learning = Learning(cell, env, settings, common)
-        shared = learning.common_seconds()
-        begin = time.process_time() - shared
-        with nullcontext([0.0]) if common is None else fitted_once(common) as spared:
-            policy, used = learning.result()
-        begin -= sum(spared)
+        policy, used, spent = learned(cell, env, settings, common)
     elif cell.who in STUDENTS:
-        _, taught = network(cell.task, int(TEACHERS * cell.steps), cell.seed)
-        begin = time.process_time() - taught
-        policy, used = distilled(cell, env)
+        policy, used, spent = distilled(cell, env)
     else:
-        begin = time.process_time()
-        policy, used = network(cell.task, cell.steps, cell.seed)[0], cell.steps
-    spent = time.process_time() - begin
+        (policy, spent), used = network(cell.task, cell.steps, cell.seed), cell.steps
     has_leaves = policy.tree.n_leaves if isinstance(policy, eutree.TreePolicy) else 0
     end = eutree.evaluate(policy, env, episodes=FINAL_EPISODES, seed=1_000_000 + cell.seed)
     if trees is not None and cell.who in OURS:

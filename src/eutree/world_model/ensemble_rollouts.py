@@ -43,13 +43,12 @@ class EnsembleRollouts(Rollouts):
         """Return of each of the policy's episodes, shape [E]."""
         return self._cut(self._episodes.returns)
 
-    def returns_of(self, challenger: ActionTree, n_episodes: int | None = None) -> Floats:
-        """Return a challenger's returns in the first n episodes, by default all."""
+    def returns_of(self, challenger: ActionTree, first: int = 0, last: int | None = None) -> Floats:
+        """Return a challenger's returns in episodes ``first`` to ``last`` - 1, by default all."""
         self._compare(challenger)
-        n = self.n_episodes if n_episodes is None else n_episodes
-        out = np.empty(n)
-        self._write_returns(challenger, 0, n, out)
-        return self._cut(out)
+        out = np.empty(self.n_episodes if last is None else last)
+        self._write_returns(challenger, first, out.size, out)
+        return self._cut(out[first:])
 
     def score(self, returns: Floats) -> float:
         """Return the mean over members less ``PESSIMISM`` deviations, of returns [n M]."""
@@ -135,10 +134,11 @@ def _best_cut(rollouts: EnsembleRollouts, generator: np.random.Generator) -> Act
     looked_at = []
     for place in places.tolist():
         challenger, _ = with_child(policy, int(inner[place // 2]), goes_left=place % 2 == 0)
-        looked_at.append((rollouts.score(rollouts.returns_of(challenger, few)), place, challenger))
+        known = rollouts.returns_of(challenger, last=few)
+        looked_at.append((rollouts.score(known), place, challenger, known))
     looked_at.sort(key=lambda one: (-one[0], one[1]))
     best = [
-        (rollouts.score(rollouts.returns_of(challenger)), place, challenger)
-        for _, place, challenger in looked_at[:BEST]
+        (rollouts.score(np.append(known, rollouts.returns_of(challenger, few))), place, challenger)
+        for _, place, challenger, known in looked_at[:BEST]
     ]
     return max(best, key=lambda one: (one[0], -one[1]))[2]
