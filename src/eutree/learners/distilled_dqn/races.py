@@ -104,6 +104,7 @@ def unpacked_trees(state: Mapping[str, NDArray[Any]]) -> list[ActionTree]:
 
 
 N_STARTS = 50  # first observations of imagined episodes
+LARGE = 32  # leaves that a tree to prune has a multiple of, however few are allowed
 # Recipes of a tree to prune: its leaves, in those allowed, and whether CART is weighted.
 Recipe: TypeAlias = tuple[int, bool]
 RECIPES: tuple[Recipe, ...] = ((3, True), (3, False), (2, False), (2, True))
@@ -158,14 +159,14 @@ class ImaginedChallengers:
         recipes apart where it cannot tell such trees apart. So each has a tree, and the others are
         of the recipe whose trees score best in imagined episodes that have chosen none of them.
         """
-        made: list[RacedTree] = []
+        rows, made = self._experience.history.observations, list[RacedTree]()
         large: dict[Recipe, ActionTree] = {}
         scores: dict[Recipe, list[float]] = {recipe: [] for recipe in RECIPES}
         while len(made) < len(RECIPES) + n:
             recipe = max(RECIPES, key=lambda one: np.mean(scores[one]) if scores[one] else np.inf)
             times, weighted = recipe
             if recipe not in large:
-                rows, leaves = self._experience.history.observations, times * self._max_leaves
+                leaves = times * max(self._max_leaves, LARGE)
                 large[recipe] = self._students.fit(rows, leaves, weighted=weighted)
             rollouts = EnsembleRollouts(ensemble, N_STARTS, generator)
             tree, _ = pruned_by_rollouts(large[recipe], rollouts, self._max_leaves, generator)
@@ -328,8 +329,7 @@ class Races:
 
     def take_up(self, looks: Sequence[int], table: Table) -> None:
         """Let a race be under way."""
-        leaves = (n_leaves(self.trees[one].tree) for one in self.entrants)
-        prices = tuple(self._price * n for n in leaves)
+        prices = tuple(self._price * n_leaves(self.trees[one].tree) for one in self.entrants)
         self.rule = Ahead(
             looks=tuple(looks),
             errors=SURE,
