@@ -46,21 +46,23 @@ class Noted(Students):
 SETTINGS = EnsembleSettings(members=2, hidden=16, batch=32, updates=300, more_updates=10)
 
 
-def challengers_of(students: Students) -> ImaginedChallengers:
-    return ImaginedChallengers(SETTINGS, students, lived_through(), n_actions=2, max_leaves=LIMIT)
+def challengers_of(students: Students, limit: int = LIMIT) -> ImaginedChallengers:
+    return ImaginedChallengers(SETTINGS, students, lived_through(), n_actions=2, max_leaves=limit)
 
 
-def test_challengers_are_carts_trees_and_prunings_of_larger_ones():
+@pytest.mark.parametrize(("limit", "of_large"), [(LIMIT, 32), (40, 40)])
+def test_challengers_are_carts_trees_and_prunings_of_larger_ones(limit, of_large):
+    """What is pruned is large also where few leaves are allowed."""
     students = Noted()
-    made = challengers_of(students).make(2, np.random.default_rng(0))
+    made = challengers_of(students, limit).make(2, np.random.default_rng(0))
     whole = EPISODES * STEPS
-    own = [(whole, n, False) for n in sorted({max(LIMIT // k, 2) for k in PARTS}, reverse=True)]
+    own = [(whole, n, False) for n in sorted({max(limit // k, 2) for k in PARTS}, reverse=True)]
     assert len(own) > 1
     assert len(made) == len(own) + 2
     assert [one.origin for one in made[: len(own)]] == ["cart"] * len(own)
     assert {one.origin for one in made[len(own) :]} <= {"pruned", "pruned-weighted"}
-    assert all(n_leaves(one.tree) <= LIMIT for one in made)
-    larger = [(whole, times * LIMIT, weighted) for times, weighted in RECIPES]
+    assert all(n_leaves(one.tree) <= limit for one in made)
+    larger = [(whole, times * of_large, weighted) for times, weighted in RECIPES]
     assert students.asked == [*own, *larger]
 
 
