@@ -71,10 +71,10 @@ class GoesOn(Listener):
 
     def begins(self, run: Run) -> None:
         """Go there. The tree that the first race defends has this run's own size."""
-        own = run.learner.races.trees if isinstance(run.learner, DistilledDQNLearner) else None
+        begun = run.learner
         restore_checkpoint(self._path, run)
-        if own is not None and isinstance(run.learner, DistilledDQNLearner):
-            run.learner.races.trees = own
+        if isinstance(begun, DistilledDQNLearner) and isinstance(run.learner, DistilledDQNLearner):
+            run.learner.races.trees = begun.races.trees
 
 
 @contextmanager
