@@ -11,8 +11,9 @@ have in common is learned once, and counted in each (``benchmarks/common_part.py
 ``derived`` does the same with the settings of ``TASK-derived.toml``, which declare features.
 ``dagger`` and ``viper`` make trees (CART) of a DQN of Stable-Baselines3 with the settings of its
 zoo, which has four fifths of the steps; all its steps count. ``network`` is that DQN with all of
-them: the line above. A row is written as soon as it is known, and what a file of rows has already
-is not run again. ``--trees`` keeps each tree, from which ``benchmarks/zoo.py`` takes the best;
+them: the line above. A task that its zoo does not know has the settings of Acrobot there.
+A row is written as soon as it is known, and what a file of rows has already is not run again.
+``--trees`` keeps each tree, from which ``benchmarks/zoo.py`` takes the best;
 ``benchmarks/table_page.py`` makes the page of the rows, and a picture for each task.
 ``benchmarks/releases.py`` runs a small fixed part and compares it with earlier ones.
 Seeds from 1000 to 1999 are for tuning; those of the table begin at 20,000.
@@ -99,7 +100,7 @@ DQN: dict[str, dict[str, Any]] = {
         "exploration_final_eps": 0.1,
     },
 }
-DQN["LunarLander-v3"] = DQN["Acrobot-v1"]  # published with the same numbers
+ELSEWHERE = DQN["Acrobot-v1"]  # LunarLander's too; of the tasks that its zoo has none for
 
 
 @dataclass(frozen=True)
@@ -211,11 +212,11 @@ def network(task: str, steps: int, seed: int) -> tuple[Any, float]:
     torch.set_num_threads(1)
     model = stable_baselines3.DQN(
         "MlpPolicy",
-        gymnasium.make(task),
+        make(EnvironmentSpec(task, Settings.of(task).arguments)),
         policy_kwargs={"net_arch": [256, 256]},
         seed=seed,
         device="cpu",
-        **DQN[task],
+        **DQN.get(task, ELSEWHERE),
     )
     return model.learn(steps), time.process_time() - begin
 

@@ -275,7 +275,8 @@ challengers than they had episodes for](../decisions/distilled-dqn.md).
 others', which have the raw numbers alone.
 
 `dagger` and `viper` are CART by DAgger and VIPER from a DQN of Stable-Baselines3, with its zoo's
-settings and four fifths of the steps; `network` is that DQN with all of them and no tree at all.
+settings and four fifths of the steps; `network` is that DQN with all of them and no tree at all. A
+task that its zoo does not know has Acrobot's settings there, on the same grid of actions as ours.
 What they gather is planned for episodes of full length, so where episodes are short steps are left.
 The share was chosen on the seeds 1000 and 1001 of CartPole, 50,000 steps, `dagger` with 8 leaves:
 437.7 and 454.4 with four fifths, 254.0 and 456.7 with half. Copies of a network that learned to its
