@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from eutree.world_model import Transitions, leaf_node
+from eutree.world_model import Transitions
 from eutree.world_model import _kernels_ensemble as kernels
-from eutree.world_model._kernels import EPISODE_STRIDE
 from eutree.world_model.action_trees import packed
 from eutree.world_model.ensemble import EnsembleSettings, fit_ensemble, kinds
 from eutree.world_model.ensemble_rollouts import EnsembleRollouts
@@ -175,46 +174,6 @@ def test_a_challenger_meets_the_same_chance_as_if_it_ran_alone(ensemble):
     together.run(RECKLESS)
     assert together.returns.tolist() == alone.returns.tolist()
     np.testing.assert_array_equal(together.observations, alone.observations)
-
-
-def test_a_gain_is_the_score_of_the_paired_differences(ensemble):
-    rollouts = EnsembleRollouts(ensemble, 20, np.random.default_rng(6))
-    rollouts.run(CAREFUL)
-    mine, theirs = rollouts.returns, rollouts.returns_of(RECKLESS)
-    gain = rollouts.gain(RECKLESS)
-    assert gain.complete
-    assert gain.mean == pytest.approx(rollouts.score(theirs - mine))
-    assert gain.error == pytest.approx(np.std(theirs - mine) / np.sqrt(mine.size))
-    assert rollouts.gain(CAREFUL).mean == 0.0
-    before = rollouts.n_steps_taken
-    assert not rollouts.gain(RECKLESS, hopeless=100.0).complete
-    few = rollouts.n_steps_taken - before
-    rollouts.gain(RECKLESS)
-    assert 0 < few < 0.5 * (rollouts.n_steps_taken - before - few)
-
-
-def test_a_deviation_is_the_naive_deviation(ensemble):
-    """One other action at a step, then the policy; with the chance of that episode and step."""
-    rollouts = EnsembleRollouts(ensemble, 4, np.random.default_rng(6))
-    rollouts.run(CAREFUL)
-    steps = np.array([0, 3, rollouts.n_steps - 1])
-    found = rollouts.deviations(steps)
-    episodes, d = rollouts._episodes, 3
-    for i, k in enumerate(steps.tolist()):
-        e, taken = int(episodes.owner[k]), int(CAREFUL.action[episodes.node[k]])
-        assert found[i, taken] == 0.0
-        state, total = episodes.states[k].copy(), float(episodes.earned[k])
-        action, scratch = 1 - taken, kernels.scratch_of(rollouts._world)
-        for t in range(k - int(episodes.first[e]), ensemble.horizon):
-            at = e * EPISODE_STRIDE + t * (d + 1)
-            reward, ends = kernels.step(
-                rollouts._world, rollouts._conditions.draws, at, e % 2, action, state, scratch
-            )
-            total += reward
-            if ends:
-                break
-            action = int(CAREFUL.action[leaf_node(CAREFUL, 0, state)])
-        assert found[i, 1 - taken] == pytest.approx(total - episodes.returns[e])
 
 
 def test_redrawing_changes_the_chance_and_a_rerun_does_not(ensemble):

@@ -24,7 +24,7 @@ from eutree.world_model import ActionTree, Transitions
 from eutree.world_model.action_trees import from_decision_tree, to_decision_tree
 from eutree.world_model.ensemble import EnsembleSettings, fit_ensemble
 from eutree.world_model.ensemble_rollouts import EnsembleRollouts, pruned_by_rollouts
-from eutree.world_model.rollouts import Gain, Rollouts
+from eutree.world_model.rollouts import Gain, PairedRollouts
 
 ROWS = 2000  # that thresholds are placed by, and parts fitted to
 
@@ -36,7 +36,7 @@ class ImaginedCommonEpisodes(PairedEpisodes):
         rollouts: Imagines them; their steps are none of the environment's.
     """
 
-    def __init__(self, rollouts: Rollouts) -> None:
+    def __init__(self, rollouts: PairedRollouts) -> None:
         self._rollouts = rollouts
         self._known: dict[bytes, Gain] = {}  # of trees beside the present one
 

@@ -38,7 +38,7 @@ from eutree.policies import LeafStatistics, Policy, TreePolicy
 from eutree.policy_search.model_trust import ModelTrust
 from eutree.schema import EnvironmentSpec, Schema
 from eutree.trees import DecisionTree
-from eutree.world_model.rollouts import Rollouts
+from eutree.world_model.rollouts import PairedRollouts
 
 Figure: TypeAlias = float | int | str | list[float] | list[int] | None
 Figures: TypeAlias = dict[str, Figure]
@@ -443,7 +443,7 @@ class KnowsItsModel(Protocol):
 class Imagines(Protocol):
     """A learner with a world model in which any tree can act."""
 
-    def imagined(self, n_episodes: int, generator: np.random.Generator) -> Rollouts | None:
+    def imagined(self, n_episodes: int, generator: np.random.Generator) -> PairedRollouts | None:
         """Return where trees can be compared; None before anything is known.
 
         Args:

@@ -53,7 +53,7 @@ from eutree.trees.edit import graft
 from eutree.validation import check_amounts, check_number
 from eutree.world_model import ActionTree
 from eutree.world_model.action_trees import from_decision_tree, to_decision_tree
-from eutree.world_model.rollouts import Rollouts
+from eutree.world_model.rollouts import PairedRollouts
 
 _UNPRUNED = C45Settings(use_penalty=False, prune=False)
 
@@ -238,7 +238,7 @@ class ModelPlanning:
         is_new = plan.challenger is not None and plan.challenger is not challenger
         return Update(figures={"challengers": int(is_new), "model_steps": plan.model_steps})
 
-    def imagined(self, n_episodes: int, generator: np.random.Generator) -> Rollouts | None:
+    def imagined(self, n_episodes: int, generator: np.random.Generator) -> PairedRollouts | None:
         """Return where trees can be compared in the world model of all that is stored."""
         if not self.history.size:
             return None

@@ -24,7 +24,6 @@ from eutree.policy_search.improvement import Improvement
 from eutree.policy_search.variation import Variation
 from eutree.world_model import ActionTree, PairedRollouts, Transitions
 from eutree.world_model.action_trees import from_decision_tree, n_leaves
-from eutree.world_model.rollouts import Rollouts
 
 TRIES = 1000
 DRAWN = 4  # times that all chance of the rollouts is drawn again: one may be climbed on too long
@@ -37,7 +36,7 @@ BEST = 0.75  # quantile of the returns
 
 
 def climbed(
-    rollouts: Rollouts, policy: ActionTree, variation: Variation, *, price: float
+    rollouts: PairedRollouts, policy: ActionTree, variation: Variation, *, price: float
 ) -> ActionTree:
     """Return a policy after many random changes, of which those stay that pay.
 
@@ -53,7 +52,12 @@ def climbed(
 
 
 def annealed(
-    rollouts: Rollouts, policy: ActionTree, variation: Variation, *, price: float, scale: float
+    rollouts: PairedRollouts,
+    policy: ActionTree,
+    variation: Variation,
+    *,
+    price: float,
+    scale: float,
 ) -> ActionTree:
     """Return the best of the policies that annealing comes by; few rollouts are enough.
 
@@ -101,7 +105,7 @@ def annealed_together(
 
 
 def _try(
-    rollouts: Rollouts, challenger: ActionTree | None, price: float, temperature: float
+    rollouts: PairedRollouts, challenger: ActionTree | None, price: float, temperature: float
 ) -> float:
     """Let a challenger replace the policy if that pays or luck allows; return its gain."""
     if challenger is None:

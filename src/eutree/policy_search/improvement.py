@@ -19,7 +19,7 @@ from eutree.policy_search import _kernels_search
 from eutree.validation import check_amounts, check_number
 from eutree.world_model import ActionTree
 from eutree.world_model.action_trees import Nested, n_leaves, nested, packed, with_box, with_child
-from eutree.world_model.rollouts import Rollouts
+from eutree.world_model.rollouts import PairedRollouts
 
 MOST_BOXES = 12
 SHIFTS = (0.02, 0.05, 0.1, 0.2, 0.4)
@@ -63,7 +63,7 @@ class Improvement:
         check_number("price", self.price, low=0.0)
 
     def improve(
-        self, rollouts: Rollouts, policy: ActionTree, scale: float, *, begin: bool = False
+        self, rollouts: PairedRollouts, policy: ActionTree, scale: float, *, begin: bool = False
     ) -> ActionTree:
         """Return a policy that earns more or is smaller.
 
@@ -84,7 +84,9 @@ class Improvement:
             policy = packed(nested(rollouts.policy))
         return policy
 
-    def shrunk(self, rollouts: Rollouts, policy: ActionTree, scale: float) -> Iterator[ActionTree]:
+    def shrunk(
+        self, rollouts: PairedRollouts, policy: ActionTree, scale: float
+    ) -> Iterator[ActionTree]:
         """Yield policies of at most ``max_leaves``, each made of the last one.
 
         Cut to size, a policy may grow again by a few leaves that cost nothing and is cut once more:
@@ -102,7 +104,7 @@ class Improvement:
                 rollouts.redraw()
                 rollouts.run(rollouts.policy)
 
-    def cut(self, rollouts: Rollouts) -> None:
+    def cut(self, rollouts: PairedRollouts) -> None:
         """Cut the policy to size: the node first by which least is lost, thresholds moved after."""
         while n_leaves(rollouts.policy) > self.max_leaves:
             policy = rollouts.policy
@@ -116,7 +118,7 @@ class Improvement:
             rollouts.run(chosen)
             _perturb_thresholds(rollouts)
 
-    def _insert_boxes(self, rollouts: Rollouts, price: float, *, begin: bool) -> None:
+    def _insert_boxes(self, rollouts: PairedRollouts, price: float, *, begin: bool) -> None:
         """Insert the most promising boxes, one for each leaf, that pass the test.
 
         Where a single deviation pays almost everywhere, as when any delay brings the agent past
@@ -129,7 +131,7 @@ class Improvement:
         if begin and rollouts.policy is base and n_leaves(base) == 1:
             self._begin(rollouts, price, deviations)
 
-    def _begin(self, rollouts: Rollouts, price: float, deviations: _Deviations) -> None:
+    def _begin(self, rollouts: PairedRollouts, price: float, deviations: _Deviations) -> None:
         """Insert the best box of those in which each deviation pays more, if it passes the test."""
         base = rollouts.policy
         most, chosen = 0.0, None
@@ -144,7 +146,9 @@ class Improvement:
         if chosen is not None:
             rollouts.run(chosen)
 
-    def _try_boxes(self, rollouts: Rollouts, price: float, boxes: list[tuple[int, Nested]]) -> None:
+    def _try_boxes(
+        self, rollouts: PairedRollouts, price: float, boxes: list[tuple[int, Nested]]
+    ) -> None:
         """Insert those of the first boxes that pass the test, one for each leaf."""
         base = rollouts.policy
         changes: dict[int, Nested] = {}
@@ -160,7 +164,7 @@ class Improvement:
                 changes[leaf] = change
                 rollouts.run(challenger)
 
-    def _deviations(self, rollouts: Rollouts) -> _Deviations:
+    def _deviations(self, rollouts: PairedRollouts) -> _Deviations:
         """Return the gains of single deviations at some steps of the policy's episodes."""
         n_steps = rollouts.n_steps
         others = max(rollouts.n_actions - 1, OTHERS)
@@ -170,7 +174,7 @@ class Improvement:
         return _Deviations(gains, rollouts.observations[steps], rollouts.node[steps])
 
     def _boxes(
-        self, rollouts: Rollouts, price: float, deviations: _Deviations, least: float = 0.0
+        self, rollouts: PairedRollouts, price: float, deviations: _Deviations, least: float = 0.0
     ) -> list[tuple[int, Nested]]:
         """Return leaf nodes and the trees to put in their place, the most promising first.
 
@@ -197,7 +201,7 @@ class Improvement:
         return [(leaf, change) for _, leaf, change in sorted(found, key=lambda item: item[:2])]
 
 
-def _replace_subtrees(rollouts: Rollouts, price: float) -> None:
+def _replace_subtrees(rollouts: PairedRollouts, price: float) -> None:
     """Replace the node that pays most by a child, again and again, while any pays.
 
     Another node's gain is weighed again only when its turn comes, and all once more at the end.
@@ -229,14 +233,14 @@ def _replace_subtrees(rollouts: Rollouts, price: float) -> None:
             weighed = set()
 
 
-def _worth(rollouts: Rollouts, challenger: ActionTree, price: float) -> float:
+def _worth(rollouts: PairedRollouts, challenger: ActionTree, price: float) -> float:
     """Return a smaller challenger's gain, leaves included; 0 if it is clearly not more than 0."""
     saved = price * (n_leaves(rollouts.policy) - n_leaves(challenger))
     gain = rollouts.gain(challenger, hopeless=-saved)
     return gain.mean + saved if gain.complete else 0.0
 
 
-def _perturb_thresholds(rollouts: Rollouts) -> None:
+def _perturb_thresholds(rollouts: PairedRollouts) -> None:
     """Move each threshold to the best of a few places near it, if that pays."""
     for node in rollouts.generator.permutation(np.flatnonzero(rollouts.policy.feature >= 0)):
         policy = rollouts.policy

@@ -18,7 +18,6 @@ from eutree.policy_search.improvement import Improvement
 from eutree.validation import check_amounts, check_number
 from eutree.world_model import ActionTree, PairedRollouts, Transitions, fit_world_models
 from eutree.world_model.action_trees import n_leaves
-from eutree.world_model.rollouts import Rollouts
 
 FEWEST_ROLLOUTS = 100  # episodes
 _FEW_OWN = 10  # episodes
@@ -226,7 +225,7 @@ class Planner:
         return int(np.clip(self.n_steps / data.mean_length, fewest, self.n_episodes))
 
     def _deserves(
-        self, plan: Planned, challenger: ActionTree, data: Transitions, pessimistic: Rollouts
+        self, plan: Planned, challenger: ActionTree, data: Transitions, pessimistic: PairedRollouts
     ) -> bool:
         """Return whether real returns prefer the challenger, and the model does too."""
         tried = plan.challenger_episodes[-self.memory :]
@@ -263,7 +262,9 @@ class Planner:
         table[1, : len(tried)] = returns[list(tried)]
         return table
 
-    def _challenger(self, plan: Planned, pessimistic: Rollouts, scale: float) -> ActionTree | None:
+    def _challenger(
+        self, plan: Planned, pessimistic: PairedRollouts, scale: float
+    ) -> ActionTree | None:
         """Return the best of incumbent, last challenger, corrected incumbent and explorer.
 
         Each is improved before. The explorer, if it leads, was planned with hope, and so it is past

@@ -325,34 +325,6 @@ def record(
 
 
 @compiled
-def go_on(
-    conditions: EnsembleConditions,
-    episodes: Episodes,
-    k: int,
-    policy: ActionTree,
-    action: int,
-    scratch: Scratch,
-) -> float:
-    """Run a policy from recorded step k to the end; return what it and those before it earned.
-
-    The first action is ``action`` unless that is negative; then the policy decides.
-    """
-    world, draws, horizon = conditions
-    d, e = world.scales.move.size, episodes.owner[k]
-    state, total = episodes.states[k].copy(), float(episodes.earned[k])
-    for t in range(k - episodes.first[e], horizon):
-        if action < 0:
-            action = policy.action[leaf_node(policy, 0, state)]
-        at = e * EPISODE_STRIDE + t * (d + 1)
-        reward, ends = step(world, draws, at, e % len(world.members.w1), action, state, scratch)
-        total += reward
-        if ends:
-            break
-        action = -1
-    return total
-
-
-@compiled
 def challenger_returns(
     conditions: EnsembleConditions,
     episodes: Episodes,
@@ -363,26 +335,21 @@ def challenger_returns(
     out: Floats,  # [E]
 ) -> None:
     """Write a challenger's returns, of the same chance, in episodes ``first`` to ``last`` - 1."""
-    scratch = scratch_of(conditions.world)
+    world, draws, horizon = conditions
+    d, n_members = world.scales.move.size, len(world.members.w1)
+    state, scratch = np.zeros(2 * d), scratch_of(world)
     for e in range(first, last):
         out[e] = episodes.returns[e]
-        if departs[e] >= 0:  # up to that step it has earned as much as the policy
-            out[e] = go_on(conditions, episodes, departs[e], challenger, -1, scratch)
-
-
-@compiled
-def deviations(
-    conditions: EnsembleConditions,
-    episodes: Episodes,
-    policy: ActionTree,
-    steps: Integers,  # [n]
-    out: Floats,  # [n, A] zeros
-) -> None:
-    """Write the gain of one other action at a step, followed by the policy, over the policy."""
-    scratch = scratch_of(conditions.world)
-    for i in range(steps.size):
-        k = steps[i]
-        for other in range(out.shape[1]):
-            if other != policy.action[episodes.node[k]]:
-                earned = go_on(conditions, episodes, k, policy, other, scratch)
-                out[i, other] = earned - episodes.returns[episodes.owner[k]]
+        if departs[e] < 0:
+            continue
+        # Up to that step it has earned as much as the policy.
+        overwrite(state, episodes.states[departs[e]])
+        total = episodes.earned[departs[e]]
+        for t in range(departs[e] - episodes.first[e], horizon):
+            action = challenger.action[leaf_node(challenger, 0, state)]
+            at = e * EPISODE_STRIDE + t * (d + 1)
+            reward, ends = step(world, draws, at, e % n_members, action, state, scratch)
+            total += reward
+            if ends:
+                break
+        out[e] = total

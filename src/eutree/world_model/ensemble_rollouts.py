@@ -2,16 +2,14 @@
 
 import numpy as np
 
-from eutree.arrays import Floats, Integers
+from eutree.arrays import Floats
 from eutree.world_model import _kernels_ensemble as kernels
 from eutree.world_model._kernels import ActionTree
 from eutree.world_model._kernels_ensemble import Draws, EnsembleConditions
 from eutree.world_model.action_trees import n_leaves, with_child
 from eutree.world_model.ensemble import Ensemble
-from eutree.world_model.rollouts import DRAWS, Gain, Rollouts
+from eutree.world_model.rollouts import DRAWS, Rollouts
 
-FIRST_LOOK = 5  # a comparison is looked at when a fifth of the episodes has been run
-CLEARLY = 2.0  # standard errors below the gain that would be needed
 PESSIMISM = 0.5  # standard deviations of the members that are taken off a score
 
 
@@ -47,42 +45,14 @@ class EnsembleRollouts(Rollouts):
         """Return a challenger's returns in episodes ``first`` to ``last`` - 1, by default all."""
         self._compare(challenger)
         out = np.empty(self.n_episodes if last is None else last)
-        self._write_returns(challenger, first, out.size, out)
+        here = self._conditions, self._episodes, self._departs
+        kernels.challenger_returns(*here, challenger, first, out.size, out)
         return self._cut(out[first:])
 
     def score(self, returns: Floats) -> float:
         """Return the mean over members less ``PESSIMISM`` deviations, of returns [n M]."""
         of_members = returns.reshape(-1, self.n_members).mean(axis=0)
         return float(of_members.mean() - PESSIMISM * of_members.std())
-
-    def gain(self, challenger: ActionTree, *, hopeless: float = -np.inf) -> Gain:
-        """Return the score of the challenger's gain over the policy; stop early below ``hopeless``.
-
-        It stops when a fifth of the episodes says clearly that their mean will be below.
-        """
-        self._compare(challenger)
-        if not (self._departs >= 0).any():
-            return Gain(0.0, 0.0, True)
-        out = np.empty(self.n_episodes)
-        few = max(self._n_starts // FIRST_LOOK, 1) * self.n_members
-        self._write_returns(challenger, 0, few, out)
-        gains = self._cut(out[:few]) - self.returns[:few]
-        error = float(gains.std() / np.sqrt(few))
-        if gains.mean() + CLEARLY * error < hopeless:
-            return Gain(self.score(gains), error, False)
-        self._write_returns(challenger, few, self.n_episodes, out)
-        gains = self._cut(out) - self.returns
-        return Gain(self.score(gains), float(gains.std() / np.sqrt(gains.size)), True)
-
-    def deviations(self, steps: Integers) -> Floats:
-        """Return the gain of one other action at each of the steps, shape [n, A]."""
-        out = np.zeros((steps.size, self.n_actions))
-        kernels.deviations(self._conditions, self._episodes, self.policy, steps, out)
-        return out
-
-    def _write_returns(self, challenger: ActionTree, first: int, last: int, out: Floats) -> None:
-        here = self._conditions, self._episodes, self._departs
-        kernels.challenger_returns(*here, challenger, first, last, out)
 
     def _cut(self, returns: Floats) -> Floats:
         """Return returns no lower and no higher than nearly all real ones were."""

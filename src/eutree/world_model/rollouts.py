@@ -108,17 +108,6 @@ class Rollouts(ABC):
         self._begin = np.empty(policy.feature.size + 1, dtype=np.int64)
         _kernels.bucket(self.node, self._begin, self._steps)
 
-    @abstractmethod
-    def gain(self, challenger: ActionTree, *, hopeless: float = -np.inf) -> Gain:
-        """Return the challenger's gain over the policy; stop early below ``hopeless``.
-
-        A comparison that stopped early returns its estimate of the complete one.
-        """
-
-    @abstractmethod
-    def deviations(self, steps: Integers) -> Floats:
-        """Return the gain of one other action at each of the steps, shape [n, A]."""
-
     def values_at(self, node: int, feature: int) -> Floats:
         """Return the sorted values of a feature among the steps whose path visits a node."""
         last = node
@@ -186,7 +175,10 @@ class PairedRollouts(Rollouts):
         return float(self._episodes.returns.mean())
 
     def gain(self, challenger: ActionTree, *, hopeless: float = -np.inf) -> Gain:
-        """Return the challenger's gain over the policy; stop early below ``hopeless``."""
+        """Return the challenger's gain over the policy; stop early below ``hopeless``.
+
+        A comparison that stopped early returns its estimate of the complete one.
+        """
         self._compare(challenger)
         here = self._conditions, self._episodes, self._departs
         bounds = hopeless, self._spread
