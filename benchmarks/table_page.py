@@ -318,10 +318,10 @@ leaves in 500 k, 255.5 with 32, five runs, by two [derived features](../derived-
 with the true dynamics](../decisions/racing.md) end at -98.65 with 5 leaves, nine of ten: no tree \
 that earns -98.5 is known; the tree of 8 copied by DAgger; [sets of \
 actions](../decisions/labels-as-sets.md) as labels: -101.9 |
-| Acrobot -80 with 8 leaves, 100 k | -82.7, the best run -79.8; with 16 leaves -84.7; in 500 k \
+| Acrobot -80 with 8 leaves, 100 k | -83.3, the best run -81.3; with 16 leaves -84.0; in 500 k \
 -82.6 with 8 | [a teacher that learns on, by quantiles, and ten prunings for six that \
-race](../decisions/distilled-dqn.md): 3.8 more; now its copies of 8 leaves lose; sets of actions: \
-no swing |
+race](../decisions/distilled-dqn.md): 3.8 more; now its copies of 8 leaves lose; prunings of large \
+trees: no change; sets of actions: no swing |
 | LunarLander 200 with 34, 160 with 20, 500 k, by raw numbers | 177.1 with 32, 117.9 with 16 | \
 [most prunings of the recipe that the model scores best](../decisions/distilled-dqn.md): 31.8 more \
 with 32, nothing with 16; better copies of the teacher, revisions of the policy: no gain; next: \
