@@ -100,7 +100,7 @@ DQN: dict[str, dict[str, Any]] = {
         "exploration_final_eps": 0.1,
     },
 }
-ELSEWHERE = DQN["Acrobot-v1"]  # LunarLander's too; of the tasks that its zoo has none for
+ELSEWHERE = DQN["Acrobot-v1"]  # LunarLander's too, and those of tasks that its zoo does not know
 
 
 @dataclass(frozen=True)
