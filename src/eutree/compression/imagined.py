@@ -20,11 +20,11 @@ from eutree.learners.episode_buffer import transitions_of
 from eutree.policies import TreePolicy
 from eutree.policy_search.model_trust import rank_correlation
 from eutree.trees import DecisionTree
-from eutree.world_model import ActionTree, Transitions
+from eutree.world_model import ActionTree, PairedRollouts, Transitions
 from eutree.world_model.action_trees import from_decision_tree, to_decision_tree
 from eutree.world_model.ensemble import EnsembleSettings, fit_ensemble
 from eutree.world_model.ensemble_rollouts import EnsembleRollouts, pruned_by_rollouts
-from eutree.world_model.rollouts import Gain, PairedRollouts
+from eutree.world_model.rollouts import Gain
 
 ROWS = 2000  # that thresholds are placed by, and parts fitted to
 

@@ -38,7 +38,7 @@ from eutree.policies import LeafStatistics, Policy, TreePolicy
 from eutree.policy_search.model_trust import ModelTrust
 from eutree.schema import EnvironmentSpec, Schema
 from eutree.trees import DecisionTree
-from eutree.world_model.rollouts import PairedRollouts
+from eutree.world_model import PairedRollouts
 
 Figure: TypeAlias = float | int | str | list[float] | list[int] | None
 Figures: TypeAlias = dict[str, Figure]

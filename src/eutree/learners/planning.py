@@ -51,9 +51,8 @@ from eutree.schema import Schema
 from eutree.trees import DecisionTree
 from eutree.trees.edit import graft
 from eutree.validation import check_amounts, check_number
-from eutree.world_model import ActionTree
+from eutree.world_model import ActionTree, PairedRollouts
 from eutree.world_model.action_trees import from_decision_tree, to_decision_tree
-from eutree.world_model.rollouts import PairedRollouts
 
 _UNPRUNED = C45Settings(use_penalty=False, prune=False)
 

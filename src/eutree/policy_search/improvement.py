@@ -17,9 +17,8 @@ from eutree.arrays import Floats, Integers
 from eutree.features import threshold_between
 from eutree.policy_search import _kernels_search
 from eutree.validation import check_amounts, check_number
-from eutree.world_model import ActionTree
+from eutree.world_model import ActionTree, PairedRollouts
 from eutree.world_model.action_trees import Nested, n_leaves, nested, packed, with_box, with_child
-from eutree.world_model.rollouts import PairedRollouts
 
 MOST_BOXES = 12
 SHIFTS = (0.02, 0.05, 0.1, 0.2, 0.4)
