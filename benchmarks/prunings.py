@@ -27,7 +27,7 @@ from benchmarks.table import Cell, Learning, Settings
 import eutree
 from eutree.interaction.making import make
 from eutree.learners.distilled_dqn.learner import DistilledDQNLearner
-from eutree.learners.distilled_dqn.races import LARGE, N_STARTS, RECIPES
+from eutree.learners.distilled_dqn.races import N_STARTS, RECIPES
 from eutree.learners.episode_buffer import transitions_of
 from eutree.schema import EnvironmentSpec
 from eutree.world_model import ActionTree, ensemble_rollouts
@@ -84,10 +84,7 @@ def rows_of_run(cell: Cell, arguments: argparse.Namespace) -> list[dict[str, Any
         students.begin(learner.dagger.labelled_from)
         judge = EnsembleRollouts(model, N_STARTS, generator)
         judge.run(students.fit(rows, cell.leaves))
-        large = {
-            recipe: students.fit(rows, recipe[0] * max(cell.leaves, LARGE), weighted=recipe[1])
-            for recipe in RECIPES
-        }
+        large = {recipe: challengers.to_prune(recipe, rows) for recipe in RECIPES}
         for recipe, _ in product(RECIPES, range(arguments.prunings)):
             begin = time.process_time()
             rollouts = EnsembleRollouts(model, N_STARTS, generator)

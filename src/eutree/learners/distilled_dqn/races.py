@@ -13,6 +13,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from eutree.arrays import Floats
 from eutree.contests import Ahead, Table, new_table, next_episode
 from eutree.contests.rules import Lead
 from eutree.contests.table import pairs
@@ -164,16 +165,20 @@ class ImaginedChallengers:
         scores: dict[Recipe, list[float]] = {recipe: [] for recipe in RECIPES}
         while len(made) < len(RECIPES) + n:
             recipe = max(RECIPES, key=lambda one: np.mean(scores[one]) if scores[one] else np.inf)
-            times, weighted = recipe
             if recipe not in large:
-                leaves = times * max(self._max_leaves, LARGE)
-                large[recipe] = self._students.fit(rows, leaves, weighted=weighted)
+                large[recipe] = self.to_prune(recipe, rows)
             rollouts = EnsembleRollouts(ensemble, N_STARTS, generator)
             tree, _ = pruned_by_rollouts(large[recipe], rollouts, self._max_leaves, generator)
             score = judge.score(judge.returns_of(tree))
             scores[recipe].append(score)
-            made.append(RacedTree(tree, "pruned-weighted" if weighted else "pruned", score))
+            made.append(RacedTree(tree, "pruned-weighted" if recipe[1] else "pruned", score))
         return sorted(made, key=lambda one: -one.imagined)[:n]
+
+    def to_prune(self, recipe: Recipe, observations: Floats) -> ActionTree:
+        """Return the large tree of a recipe, a copy of the teacher at observations [N, d]."""
+        times, weighted = recipe
+        leaves = times * max(self._max_leaves, LARGE)
+        return self._students.fit(observations, leaves, weighted=weighted)
 
     def imagine(
         self, raced: Sequence[RacedTree], policy: ActionTree, generator: np.random.Generator
