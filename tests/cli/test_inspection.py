@@ -4,6 +4,10 @@ import json
 
 import gymnasium
 
+from eutree.policies import TreePolicy
+from eutree.schema import Feature, Schema
+from eutree.trees import DecisionTree
+
 
 def test_diff_of_a_policy_with_itself_is_empty(eutree, expert):
     answer = eutree("diff", expert, expert, "--json")
@@ -51,6 +55,23 @@ def test_why_names_the_demonstrations_behind_a_leaf(eutree, expert, demonstratio
     assert {entry["action"] for entry in answer.json["demonstrations"]} >= {answer.json["action"]}
     assert eutree("why", expert, "--observation", "0,5,5").out.startswith(answer.json["action"])
     assert eutree("why", expert, "--observation", "0;5").code == 2
+
+
+def test_why_takes_the_names_of_categories(eutree):
+    mode = Feature("mode", low=1, high=3, is_integer=True, categories=("off", "low", "high"))
+    tree = DecisionTree.single_leaf(2).split_each([(0, 1, 2.5)])
+    schema = Schema((Feature("heat"), mode), ("wait", "cool"))
+    TreePolicy(tree, [0, 1], schema).save("policy.json")
+    named = eutree("why", "policy.json", "--observation", "20, high")
+    assert named.out == eutree("why", "policy.json", "--observation", "20,3").out
+    assert named.out.startswith("cool")
+    wrong = eutree("why", "policy.json", "--observation", "20,middle")
+    assert wrong.code == 2
+    assert "must have a number or one of off, low, high for mode, got 'middle'" in wrong.err
+    assert (
+        "observation must have 2 entries"
+        in eutree("why", "policy.json", "--observation", "20,high,1").err
+    )
 
 
 def test_edit_shows_the_numbers_and_changes_nothing_by_itself(eutree, expert):

@@ -57,6 +57,8 @@ def test_an_observation_outside_the_space_warns_once_or_is_refused():
             guarded.step(1)
     with pytest.raises(EnvironmentFault, match="'x1' must be in"):
         run(env, strict=True)
+    with pytest.raises(InvalidArgumentError, match="strict must be a bool, got 'yes'"):
+        run(env, strict="yes")
 
 
 def test_a_reused_buffer_is_copied():

@@ -151,6 +151,20 @@ def test_what_is_no_plant_is_refused(policy, declared, message):
         prove(policy, plant, ASKED)
 
 
+@pytest.mark.parametrize("name", ["state", "start"])
+def test_a_plant_that_lacks_what_it_must_name_is_refused(policy, monkeypatch, name):
+    monkeypatch.delattr(BoilerPlant, name)
+    with pytest.raises(InvalidArgumentError, match=f"plant must have {name}, got BoilerPlant with"):
+        prove(policy, BoilerPlant(), ASKED)
+
+
+def test_a_plant_without_an_environment_is_refused(policy):
+    plant = BoilerPlant()
+    del plant.environment
+    with pytest.raises(InvalidArgumentError, match="plant must have environment, got BoilerPlant"):
+        prove(policy, plant, ASKED)
+
+
 def test_an_environment_that_keeps_its_state_elsewhere_is_not_believed_to_stand_still(
     policy, monkeypatch
 ):

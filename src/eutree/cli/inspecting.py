@@ -1,8 +1,9 @@
 """The commands that inspect a policy: ``eutree why``, ``diff``, ``verify`` and ``edit``."""
 
 import re
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import replace
+from itertools import chain, repeat
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,7 @@ from eutree.inspection import verify as verify_policy
 from eutree.inspection import why as explain
 from eutree.interaction.making import make
 from eutree.interaction.names import Names
+from eutree.schema import Feature
 from eutree.trees.text import labelled
 
 EXIT_REFUTED = 1
@@ -37,17 +39,14 @@ _NUMBER = re.compile(r"[0-9]{1,9}")  # of a node or a leaf
 @option.command("eutree why expert.json --observation 8,3.2,-1 --demos demos/", helped=False)
 @click.argument("policy", type=click.Path(path_type=Path))
 @click.option("--observation", required=True, metavar="X,Y,...",
-              help="The observation, a number for each feature.")  # fmt: skip
+              help="The observation: a number, or a category, for each feature.")  # fmt: skip
 @option.path("--demos", text="Demonstrations whose steps in the same leaf to name.")
 def why(policy: Path, observation: str, demos: Path | None) -> Result:
     """Say why POLICY decides as it does for an observation, and which change would alter it."""
-    try:
-        numbers = [float(part) for part in observation.split(",")]
-    except ValueError:
-        raise InvalidArgumentError(
-            f"--observation must be numbers with commas between, got {observation!r}"
-        ) from None
     loaded = load_policy(policy)
+    # ``explain`` counts them: what is too much has to be a number here, and no more.
+    features = chain(loaded.schema.features, repeat(Feature("no feature")))
+    numbers = [_number(*pair) for pair in zip(observation.split(","), features, strict=False)]
     shown = None if demos is None else load_demonstrations(demos, loaded)
     found = explain(loaded, numbers, demonstrations=shown)
     names = loaded.schema.actions
@@ -77,6 +76,17 @@ def why(policy: Path, observation: str, demos: Path | None) -> Result:
         },
         found.text,
     )
+
+
+def _number(text: str, feature: Feature) -> float:
+    """Return the number that is written, or that of the category with this name."""
+    names = feature.categories
+    with suppress(ValueError):
+        return float(text)
+    if text.strip() in names:
+        return feature.low + names.index(text.strip())
+    wanted = f"a number or one of {', '.join(names)}" if names else "a number"
+    raise InvalidArgumentError(f"--observation must have {wanted} for {feature.name}, got {text!r}")
 
 
 @option.command("eutree diff runs/a/expert.json runs/a/policy.json", helped=False)
@@ -125,11 +135,9 @@ def verify(
     from eutree.training import stored_observations
 
     loaded = load_policy(policy)
-    rows = None
+    rows = None if demos is None else seen_in(demos, loaded)
     if run_folder is not None:
         rows = stored_observations(run_folder)
-    elif demos is not None:
-        rows = seen_in(demos, loaded)
     answers = [
         verify_policy(loaded, question, observations=rows, everywhere=everywhere)
         for question in questions
@@ -221,9 +229,8 @@ def edit(
         check_writable(out)
     returns: list[float] = []
     if edited.changes and before.environment is not None and episodes:
-        spec = before.environment.override(env_arguments)
         try:
-            with closing(make(spec)) as env:
+            with closing(make(before.environment.override(env_arguments))) as env:
                 returns = [
                     evaluate(each, env, episodes=episodes, seed=seed).mean_return
                     for each in (before, edited.policy)
@@ -234,10 +241,8 @@ def edit(
         edited.policy.save(out)
     lines = [numbered(edited.policy), *edited.changes, *(f"warning: {w}" for w in edited.warnings)]
     if returns:
-        lines.append(
-            f"mean return {returns[0]:.2f} before, {returns[1]:.2f} after, on the same "
-            f"{episodes} episodes"
-        )
+        both = f"mean return {returns[0]:.2f} before, {returns[1]:.2f} after"
+        lines.append(f"{both}, on the same {episodes} episodes")
     return Result(
         {
             "changes": edited.changes,

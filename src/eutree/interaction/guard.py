@@ -26,7 +26,7 @@ from eutree.interaction.action_grid import (
 from eutree.interaction.making import OwnFolder
 from eutree.interaction.spaces import decoder, derived_around, describe, encoder, spec_of
 from eutree.schema import EnvironmentSpec, Feature, Schema
-from eutree.validation import check_integer
+from eutree.validation import check_integer, check_kind
 
 MAX_EPISODE_STEPS = 100_000
 _OLD = "that of the old gym; shimmy.GymV21CompatibilityV0(env=env) makes the new one of it"
@@ -99,7 +99,7 @@ class GuardedEnv:
         derived = derived_around(env)
         self.own_size = own.measured.n_features
         self._decode = decoder((env if derived is None else derived.env).observation_space)
-        self._strict = strict
+        self._strict = check_kind("strict", strict, bool)
         self._warned = False
         self._limit = check_integer("max_episode_steps", max_episode_steps, low=1)
         self._own_features = own.features

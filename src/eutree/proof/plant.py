@@ -123,6 +123,9 @@ class Plant:
 
     def check_fits(self, policy: TreePolicy) -> None:
         """Raise InvalidArgumentError unless the policy reads this plant's observations."""
+        if missing := [one for one in ("environment", "state", "start") if not hasattr(self, one)]:
+            what = f"plant must have {' and '.join(missing)}"
+            raise InvalidArgumentError(f"{what}, got {type(self).__name__} without")
         if not self.by_chance and type(self).step is Plant.step:
             raise InvalidArgumentError(
                 f"plant must have a step that moves boxes, got {type(self).__name__} without one"
