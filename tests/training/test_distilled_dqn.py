@@ -222,7 +222,7 @@ def test_methods_that_ask_nobody_refuse_a_teacher(env, shown):
 @pytest.mark.parametrize(
     "place",
     ["neural.double_dqn._kernels.update", "world_model.ensemble.kernels.fit",
-     "world_model.ensemble_rollouts.kernels.challenger_returns"],
+     "world_model.ensemble_rollouts.kernels.go_on"],
 )  # fmt: skip
 def test_an_interruption_in_the_middle_of_an_update_loses_nothing(
     place, whole, env, shown, tmp_path, monkeypatch

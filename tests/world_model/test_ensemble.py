@@ -7,6 +7,7 @@ import pytest
 
 from eutree.world_model import Transitions
 from eutree.world_model import _kernels_ensemble as kernels
+from eutree.world_model import _kernels_ensemble_lanes as lanes
 from eutree.world_model.action_trees import packed
 from eutree.world_model.ensemble import EnsembleSettings, fit_ensemble, kinds
 from eutree.world_model.ensemble_rollouts import EnsembleRollouts
@@ -87,15 +88,23 @@ def test_error_is_the_gradient_of_the_loss():
             assert n * error[i, j] == pytest.approx(expected, abs=1e-5)
 
 
+def stepped(world, draws, at, member, action, state):
+    """Move a state by one step, in the only lane under way; return reward and whether it ends."""
+    under_way = lanes.empty_lanes(world)
+    under_way.states[0] = state
+    lanes.look(world, member, packed(action), under_way, 1)
+    out = under_way.out.reshape(-1, lanes.LANES)[:, 0].copy()
+    return lanes.move(world.scales, draws, at, out, state)
+
+
 def test_a_step_is_the_naive_step(ensemble):
     world, generator = ensemble.world, np.random.default_rng(4)
-    draws = kernels.Draws(generator.random(64), generator.standard_normal(64))
-    scratch = kernels.scratch_of(world)
+    draws = lanes.Draws(generator.random(64), generator.standard_normal(64))
     for at in range(0, 400, 3):
         state = np.array([generator.uniform(-1, 6), generator.integers(2), 7.0, 0.1, 0.0, 0.0])
         member, action = int(generator.integers(2)), int(generator.integers(2))
         expected = naive_neural.ensemble_step(world, draws, at, member, action, state)
-        reward, ends = kernels.step(world, draws, at, member, action, state, scratch)
+        reward, ends = stepped(world, draws, at, member, action, state)
         np.testing.assert_allclose(state, expected[0], atol=1e-4)
         assert reward == pytest.approx(expected[1], abs=1e-3)
         assert ends == expected[2]
@@ -103,11 +112,10 @@ def test_a_step_is_the_naive_step(ensemble):
 
 def imagined(ensemble, state, action, n=4000):
     world, generator = ensemble.world, np.random.default_rng(5)
-    draws = kernels.Draws(generator.random(2**14), generator.standard_normal(2**14))
-    scratch, found = kernels.scratch_of(world), []
+    draws, found = lanes.Draws(generator.random(2**14), generator.standard_normal(2**14)), []
     for k in range(n):
         moved = np.array([*state, 0.0, 0.0, 0.0])
-        reward, ends = kernels.step(world, draws, 4 * k, k % 2, action, moved, scratch)
+        reward, ends = stepped(world, draws, 4 * k, k % 2, action, moved)
         found.append((*moved[:3], reward, ends))
     return np.array(found)
 
@@ -174,6 +182,40 @@ def test_a_challenger_meets_the_same_chance_as_if_it_ran_alone(ensemble):
     together.run(RECKLESS)
     assert together.returns.tolist() == alone.returns.tolist()
     np.testing.assert_array_equal(together.observations, alone.observations)
+
+
+def test_many_challengers_side_by_side_earn_what_each_earns_alone(ensemble):
+    """More tasks than lanes, episodes of every length, trees of several sizes in one forest."""
+    trees = [CAREFUL, RECKLESS, packed(STAY), packed((0, 2.5, GO, STAY)), RECKLESS]
+    together = EnsembleRollouts(ensemble, 60, np.random.default_rng(6))
+    together.run(CAREFUL)
+    returns = together.returns_of_each(trees)
+    assert returns.size > 4 * lanes.LANES
+    for tree, row in zip(trees, returns, strict=True):
+        alone = EnsembleRollouts(ensemble, 60, np.random.default_rng(6))
+        alone.run(tree)
+        assert row.tolist() == alone.returns.tolist()
+    assert together.returns_of_each(trees[1:3], 7, 90).tolist() == returns[1:3, 7:90].tolist()
+
+
+def test_an_imagined_episode_is_the_naive_one(ensemble):
+    """Step after step, wherever its lane lies among those of other episodes."""
+    rollouts = EnsembleRollouts(ensemble, 40, np.random.default_rng(9))
+    rollouts.run(CAREFUL)
+    episodes, draws = rollouts._episodes, rollouts._conditions.draws
+    d = ensemble.scales.move.size
+    for k in range(0, rollouts.n_steps - 1, 5):
+        e = episodes.owner[k]
+        if episodes.owner[k + 1] != e:
+            continue
+        at = int(e) * lanes.EPISODE_STRIDE + (k - int(episodes.first[e])) * (d + 1)
+        action = CAREFUL.action[episodes.node[k]]
+        after, reward, ends = naive_neural.ensemble_step(
+            ensemble.world, draws, at, int(e) % 2, action, episodes.states[k].copy()
+        )
+        assert not ends
+        np.testing.assert_allclose(episodes.states[k + 1], after, atol=1e-4)
+        assert episodes.earned[k + 1] - episodes.earned[k] == pytest.approx(reward, abs=1e-3)
 
 
 def test_redrawing_changes_the_chance_and_a_rerun_does_not(ensemble):

@@ -289,6 +289,21 @@ def record(
     totals = before.earned[begins]
     lanes = empty_lanes(d)
     n_own = go_on(conditions, before, laid_out(policy), lanes, begins, own, trace, totals)
+    arrange(before, departs, within, policy, trace, n_own, totals, out)
+
+
+@compiled
+def arrange(
+    before: Episodes,
+    departs: Integers,  # [E]
+    within: Integers,  # [M]
+    policy: ActionTree,
+    trace: Episodes,
+    n_own: int,
+    totals: Floats,  # [m] returns of the episodes that were run again
+    out: Episodes,
+) -> None:
+    """Write episodes: the steps of ``before`` up to a departure, then the first of the trace."""
     # Those of its own are written in the order in which lanes take them, not at the place of their
     # episode: pages of memory that nothing is written to cost nothing.
     lengths = np.zeros(out.returns.size, dtype=np.int64)
@@ -310,7 +325,7 @@ def record(
     for i in range(n_own):
         e = trace.owner[i]
         k = places[e]
-        for j in range(2 * d):
+        for j in range(out.states.shape[1]):
             out.states[k, j] = trace.states[i, j]
         out.earned[k], out.node[k], out.owner[k] = trace.earned[i], trace.node[i], e
         places[e] = k + 1

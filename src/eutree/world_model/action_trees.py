@@ -3,7 +3,7 @@
 A nested tree is an action, or ``(feature, threshold, left, right)``.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TypeAlias
 
 import numpy as np
@@ -19,6 +19,17 @@ Nested: TypeAlias = "int | tuple[int, float, Nested, Nested]"
 def n_leaves(tree: ActionTree) -> int:
     """Return the number of leaves."""
     return (tree.feature.size + 1) // 2
+
+
+def forest_of(trees: Sequence[ActionTree]) -> tuple[ActionTree, Integers]:
+    """Return the arrays of all trees, one after the other, and the node where each begins, [C]."""
+    sizes = [tree.feature.size for tree in trees]
+    roots = np.cumsum([0, *sizes[:-1]])
+    forest, shift = (
+        ActionTree._make(map(np.concatenate, zip(*trees, strict=True))),
+        roots.repeat(sizes),
+    )
+    return forest._replace(left=forest.left + shift, right=forest.right + shift), roots
 
 
 def packed(nested: Nested) -> ActionTree:

@@ -25,11 +25,11 @@ from eutree.world_model._kernels_ensemble import (
     BAD,
     GOES_ON,
     GOOD,
-    EnsembleWorld,
     Fitting,
     Scales,
     Steps,
 )
+from eutree.world_model._kernels_ensemble_lanes import ROWS, EnsembleWorld
 from eutree.world_model.transitions import Transitions
 
 N_KINDS = 3
@@ -128,7 +128,7 @@ class Ensemble:
     @property
     def world(self) -> EnsembleWorld:
         """The members as the compiled loops take them, no step taken yet."""
-        networks = [network_of(row, *self.size) for row in self.weights]
+        networks = [_filled_up(network_of(row, *self.size)) for row in self.weights]
         members = Network._make(np.stack(arrays) for arrays in zip(*networks, strict=True))
         return EnsembleWorld(members, self.scales, np.zeros(1, dtype=np.int64))
 
@@ -268,6 +268,16 @@ class _Batches:
             if many
         ]
         return np.concatenate(parts, axis=1)
+
+
+def _filled_up(network: Network) -> Network:
+    """Return a network whose inputs and hidden units are so many as compiled loops take at once."""
+    p, h = (-size % ROWS for size in network.w1.shape)
+    return network._replace(
+        w1=np.pad(network.w1, ((0, p), (0, h))), b1=np.pad(network.b1, (0, h)),
+        w2=np.pad(network.w2, (0, h)), b2=np.pad(network.b2, (0, h)),
+        w3=np.pad(network.w3, ((0, h), (0, 0))),
+    )  # fmt: skip
 
 
 def _inputs(data: Transitions) -> Floats:

@@ -1,15 +1,19 @@
 """Rollouts in every member of an ensemble, and challengers with the same random numbers."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from eutree.arrays import Floats
-from eutree.world_model import _kernels_ensemble as kernels
-from eutree.world_model._kernels import ActionTree
-from eutree.world_model._kernels_ensemble import Draws, EnsembleConditions
-from eutree.world_model.action_trees import n_leaves, with_child
+from eutree.arrays import Floats, Integers
+from eutree.world_model import _kernels_ensemble_lanes as kernels
+from eutree.world_model._kernels import ActionTree, Episodes
+from eutree.world_model._kernels_ensemble_lanes import Draws, EnsembleConditions
+from eutree.world_model._kernels_lanes import arrange
+from eutree.world_model.action_trees import forest_of, n_leaves, with_child
 from eutree.world_model.ensemble import Ensemble
-from eutree.world_model.rollouts import DRAWS, Rollouts
+from eutree.world_model.rollouts import DRAWS, Rollouts, empty_episodes
 
+NOWHERE = empty_episodes(0, 0, 0)  # a trace that takes nothing
 PESSIMISM = 0.5  # standard deviations of the members that are taken off a score
 
 
@@ -43,11 +47,23 @@ class EnsembleRollouts(Rollouts):
 
     def returns_of(self, challenger: ActionTree, first: int = 0, last: int | None = None) -> Floats:
         """Return a challenger's returns in episodes ``first`` to ``last`` - 1, by default all."""
-        self._compare(challenger)
-        out = np.empty(self.n_episodes if last is None else last)
-        here = self._conditions, self._episodes, self._departs
-        kernels.challenger_returns(*here, challenger, first, out.size, out)
-        return self._cut(out[first:])
+        returns: Floats = self.returns_of_each([challenger], first, last)[0]
+        return returns
+
+    def returns_of_each(
+        self, challengers: Sequence[ActionTree], first: int = 0, last: int | None = None
+    ) -> Floats:
+        """Return the returns of some challengers, at least one, shape [C, last - first]."""
+        forest, roots = forest_of(challengers)
+        departs = np.empty((roots.size, self.n_episodes), dtype=np.int64)
+        for row, challenger in zip(departs, challengers, strict=True):
+            self._compare(challenger)
+            row[:] = self._departs
+        departs = departs[:, first:last]
+        out = np.tile(self._episodes.returns[first:last], (roots.size, 1))
+        own = departs >= 0
+        _, out[own] = self._go_on(forest, roots.repeat(own.sum(axis=1)), departs[own], NOWHERE)
+        return self._cut(out)
 
     def score(self, returns: Floats) -> float:
         """Return the mean over members less ``PESSIMISM`` deviations, of returns [n M]."""
@@ -67,8 +83,18 @@ class EnsembleRollouts(Rollouts):
         self._begin_at(starts)
 
     def _record(self, policy: ActionTree) -> None:
-        here = self._conditions, self._episodes, self._departs
-        kernels.record(*here, self._within, policy, self._spare)
+        begins = self._departs[self._departs >= 0]
+        n_own, totals = self._go_on(policy, np.zeros_like(begins), begins, self._trace)
+        steps = self._within, policy, self._trace, n_own, totals
+        arrange(self._episodes, self._departs, *steps, self._spare)
+
+    def _go_on(
+        self, forest: ActionTree, roots: Integers, begins: Integers, trace: Episodes
+    ) -> tuple[int, Floats]:
+        """Run a tree from each recorded step on; return the steps written, and the returns."""
+        totals = np.empty(begins.size)
+        here = self._conditions, self._episodes
+        return kernels.go_on(*here, forest, roots, begins, trace, totals), totals
 
 
 # A tree that copies a teacher is cut to size one node at a time. A node gives way to one of its
@@ -101,14 +127,12 @@ def _best_cut(rollouts: EnsembleRollouts, generator: np.random.Generator) -> Act
     few = max(SHORT_LOOK * rollouts.n_episodes // 150, 1)
     few -= few % rollouts.n_members
     few = max(few, rollouts.n_members)
-    looked_at = []
+    cuts = []
     for place in places.tolist():
-        challenger, _ = with_child(policy, int(inner[place // 2]), goes_left=place % 2 == 0)
-        known = rollouts.returns_of(challenger, last=few)
-        looked_at.append((rollouts.score(known), place, challenger, known))
-    looked_at.sort(key=lambda one: (-one[0], one[1]))
-    best = [
-        (rollouts.score(np.append(known, rollouts.returns_of(challenger, few))), place, challenger)
-        for _, place, challenger, known in looked_at[:BEST]
-    ]
-    return max(best, key=lambda one: (one[0], -one[1]))[2]
+        cuts.append(with_child(policy, int(inner[place // 2]), goes_left=place % 2 == 0)[0])
+    known = rollouts.returns_of_each(cuts, last=few)
+    scores = [rollouts.score(row) for row in known]
+    best = sorted(range(len(cuts)), key=lambda one: (-scores[one], places[one]))[:BEST]
+    more = rollouts.returns_of_each([cuts[one] for one in best], few)
+    whole = zip(map(rollouts.score, np.concatenate([known[best], more], axis=1)), best, strict=True)
+    return cuts[max(whole, key=lambda one: (one[0], -places[one[1]]))[1]]

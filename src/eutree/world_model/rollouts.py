@@ -56,7 +56,9 @@ class Rollouts(ABC):
         self._n_features = n_features = model.starts.shape[1]
         horizon = model.horizon
         room = n_episodes * horizon
-        self._episodes, self._spare = (_empty(n_episodes, room, n_features) for _ in range(2))
+        self._episodes, self._spare, self._trace = (
+            empty_episodes(n_episodes, room, n_features) for _ in range(3)
+        )
         self._departs = np.empty(n_episodes, dtype=np.int64)
         self._steps = np.empty(room, dtype=np.int64)
         self.redraw()
@@ -139,7 +141,7 @@ class Rollouts(ABC):
         _kernels.departures(self.policy, challenger, self._within, self._episodes, *steps)
 
 
-def _empty(n_episodes: int, room: int, d: int) -> Episodes:
+def empty_episodes(n_episodes: int, room: int, d: int) -> Episodes:
     """Return room for episodes."""
     return Episodes(
         states=np.zeros((room, 2 * d)),
@@ -166,7 +168,6 @@ class PairedRollouts(Rollouts):
     ) -> None:
         self.model, self._tally = model, model.world.tally
         self._conditions = Conditions(model.world, np.empty(DRAWS), model.horizon, discount)
-        self._trace = _empty(n_episodes, n_episodes * model.horizon, model.starts.shape[1])
         super().__init__(model, n_episodes, generator)
 
     @property
