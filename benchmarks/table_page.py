@@ -325,8 +325,8 @@ trees: no change; sets of actions: no swing |
 | LunarLander 200 with 34, 160 with 20, 500 k, by raw numbers | 177.1 with 32, 132.8 with 16 | \
 [most prunings of the recipe that the model scores best](../decisions/distilled-dqn.md): 31.8 more \
 with 32; [prunings of large trees](../decisions/distilled-dqn.md): 14.9 [-9.2, 39.0] more with 16; \
-better copies of the teacher, revisions of the policy, more looks before a cut: no gain; next: runs \
-with at most 20 leaves, and the steps of rounds whose challengers never win into more prunings |
+better copies of the teacher, revisions of the policy, more looks before a cut: no gain; next: \
+runs with at most 20 leaves, and the steps of rounds whose challengers never win into prunings |
 | LunarLander 230 with 34, 1 M, by raw numbers | 180.3 with 32, three runs | twice the steps of \
 races |"""
 
