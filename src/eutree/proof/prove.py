@@ -57,10 +57,11 @@ def prove(
         InvalidArgumentError: The text is no property, the plant cannot answer it, or the policy
             is not one of the plant's environment.
     """
-    plant.check_fits(policy)
     text = plant.question if question is None else question
-    text = parse(text, plant.schema) if isinstance(text, str) else text
-    asked = check_kind("question", text, EpisodeProperty)
+    if not isinstance(text, str):
+        check_kind("question", text, EpisodeProperty)
+    plant.check_fits(policy)
+    asked = parse(text, plant.schema) if isinstance(text, str) else text
     if (own := plant.certify(policy, asked, (effort or Effort()).refinements)) is not None:
         return own
     is_known = plant.reward is not None and plant.limit is not None
