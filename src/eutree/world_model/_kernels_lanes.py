@@ -303,7 +303,7 @@ def arrange(
     totals: Floats,  # [m] returns of the episodes that were run again
     out: Episodes,
 ) -> None:
-    """Write episodes: the steps of ``before`` up to a departure, then the first of the trace."""
+    """Write episodes: the steps of ``before`` up to a departure, then their own of the trace."""
     # Those of its own are written in the order in which lanes take them, not at the place of their
     # episode: pages of memory that nothing is written to cost nothing.
     lengths = np.zeros(out.returns.size, dtype=np.int64)

@@ -25,10 +25,8 @@ def forest_of(trees: Sequence[ActionTree]) -> tuple[ActionTree, Integers]:
     """Return the arrays of all trees, one after the other, and the node where each begins, [C]."""
     sizes = [tree.feature.size for tree in trees]
     roots = np.cumsum([0, *sizes[:-1]])
-    forest, shift = (
-        ActionTree._make(map(np.concatenate, zip(*trees, strict=True))),
-        roots.repeat(sizes),
-    )
+    shift = roots.repeat(sizes)
+    forest = ActionTree._make(map(np.concatenate, zip(*trees, strict=True)))
     return forest._replace(left=forest.left + shift, right=forest.right + shift), roots
 
 
