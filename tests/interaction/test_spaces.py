@@ -15,7 +15,7 @@ from gymnasium.wrappers import (
     TransformReward,
 )
 
-from eutree.errors import UnsupportedSpaceError
+from eutree.errors import InvalidArgumentError, UnsupportedSpaceError
 from eutree.interaction import GuardedEnv
 from eutree.interaction.making import make
 from eutree.interaction.spaces import decoder, describe, encoder, spec_of
@@ -88,6 +88,21 @@ def test_the_spec_makes_the_environment_again():
     assert spec is not None
     assert (spec.id, dict(spec.arguments)) == ("CartPole-v1", {"sutton_barto_reward": True})
     assert spec_of(Healthy()) is None
+
+
+@pytest.mark.parametrize("what", ["feature_names", "feature_units", "action_names"])
+def test_names_of_another_number_are_refused(what):
+    env = gymnasium.make("CartPole-v1")
+    setattr(env.unwrapped, what, ["only this"])
+    with pytest.raises(InvalidArgumentError, match=f"CartPole-v1: {what} must be [24] texts"):
+        describe(env)
+
+
+def test_names_of_what_a_wrapper_replaced_are_left_out():
+    env = gymnasium.make("CartPole-v1")
+    env.unwrapped.feature_names = ["place", "speed", "tilt", "turn rate"]
+    seen = TransformObservation(env, lambda one: one[:2], spaces.Box(-9, 9, (2,)))
+    assert describe(seen).feature_names == ("x0", "x1")
 
 
 @pytest.mark.parametrize(

@@ -176,9 +176,9 @@ def test_a_challenger_meets_the_same_chance_as_if_it_ran_alone(ensemble):
     alone = EnsembleRollouts(ensemble, 20, np.random.default_rng(6))
     together.run(CAREFUL)
     alone.run(RECKLESS)
-    assert together.returns_of(RECKLESS).tolist() == alone.returns.tolist()
-    assert together.returns_of(RECKLESS, last=10).tolist() == alone.returns[:10].tolist()
-    assert together.returns_of(RECKLESS, 10).tolist() == alone.returns[10:].tolist()
+    assert together.returns_of_each([RECKLESS])[0].tolist() == alone.returns.tolist()
+    assert together.returns_of_each([RECKLESS], last=10)[0].tolist() == alone.returns[:10].tolist()
+    assert together.returns_of_each([RECKLESS], 10)[0].tolist() == alone.returns[10:].tolist()
     together.run(RECKLESS)
     assert together.returns.tolist() == alone.returns.tolist()
     np.testing.assert_array_equal(together.observations, alone.observations)
@@ -233,7 +233,7 @@ def test_redrawing_changes_the_chance_and_a_rerun_does_not(ensemble):
 def test_the_careful_tree_is_imagined_to_earn_more(ensemble):
     rollouts = EnsembleRollouts(ensemble, 60, np.random.default_rng(7))
     rollouts.run(CAREFUL)
-    careful, reckless = rollouts.returns, rollouts.returns_of(RECKLESS)
+    careful, reckless = rollouts.returns, rollouts.returns_of_each([RECKLESS])[0]
     error = np.std(careful - reckless) / np.sqrt(careful.size)
     assert careful.mean() - reckless.mean() > 3 * error
     assert careful.max() <= ensemble.returns[1]

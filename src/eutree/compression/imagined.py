@@ -203,7 +203,8 @@ class ImaginedEpisodes:
             challengers.append(("imagined", with_tree(policy, *found)))
         fresh = EnsembleRollouts(ensemble, SELECTION_STARTS, generator)
         fresh.run(_acting(whole))
-        scores = [fresh.score(fresh.returns_of(_acting(tree))) for _, tree in challengers]
+        returns = fresh.returns_of_each([_acting(tree) for _, tree in challengers])
+        scores = [fresh.score(row) for row in returns]
         best = int(np.argmax(scores))
         method, chosen = challengers[best]
         before = fresh.score(fresh.returns)

@@ -6,7 +6,7 @@ several things), MultiDiscrete and MultiBinary become
 their entries, Dict and Tuple are laid end to end with names such as ``"lidar.front"``.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -87,6 +87,7 @@ def describe(env: gymnasium.Env[Any, Any]) -> Schema:
 
     Raises:
         UnsupportedSpaceError: The observations are not flat, or the actions cannot be numbered.
+        InvalidArgumentError: The environment's own names or units are too few or too many.
     """
     env = numbered(env)
     derived, family = derived_around(env), name_of(env).split("/")[-1].split("-v")[0]
@@ -113,10 +114,8 @@ def _features(env: gymnasium.Env[Any, Any], family: str) -> tuple[Feature, ...]:
         )
     known = [Feature.from_label(label) for label in _KNOWN_FEATURES.get(family, "").split(", ")]
     usual = known if len(known) == len(features) and known[0].name else features
-    own = [getattr(env.unwrapped, name, None) for name in ("feature_names", "feature_units")]
-    names, units = (
-        given if given is not None and len(given) == len(features) else None for given in own
-    )
+    names = _given(env, "feature_names", len(features), "observation_space")
+    units = _given(env, "feature_units", len(features), "observation_space")
     return tuple(
         replace(
             feature,
@@ -125,6 +124,16 @@ def _features(env: gymnasium.Env[Any, Any], family: str) -> tuple[Feature, ...]:
         )
         for k, (feature, like) in enumerate(zip(features, usual, strict=True))
     )
+
+
+def _given(env: gymnasium.Env[Any, Any], what: str, n: int, space: str) -> Sequence[Any] | None:
+    """Return what the environment calls n things; None where a wrapper made others of a space."""
+    given: Sequence[Any] | None = getattr(env.unwrapped, what, None)
+    if given is None or len(given) == n:
+        return given
+    if getattr(env, space) is getattr(env.unwrapped, space):
+        raise InvalidArgumentError(f"{name_of(env)}: {what} must be {n} texts, got {shown(given)}")
+    return None
 
 
 def _one_hot(space: spaces.Space[Any], prefix: str, name: str) -> Iterator[Feature]:
@@ -257,7 +266,8 @@ def _action_names(
         raise UnsupportedSpaceError(
             f"{name_of(env)} must have at most {MAX_ACTIONS:,} actions, got {n_actions:,}"
         )
-    for names in (getattr(env.unwrapped, "action_names", None), _KNOWN_ACTIONS.get(family)):
+    own = _given(env, "action_names", n_actions, "action_space")
+    for names in (own, _KNOWN_ACTIONS.get(family)):
         if names is not None and len(names) == n_actions:
             return tuple(str(name) for name in names)
     return combined_actions(controls) if controls else numbered_actions(n_actions)

@@ -45,11 +45,6 @@ class EnsembleRollouts(Rollouts):
         """Return of each of the policy's episodes, shape [E]."""
         return self._cut(self._episodes.returns)
 
-    def returns_of(self, challenger: ActionTree, first: int = 0, last: int | None = None) -> Floats:
-        """Return a challenger's returns in episodes ``first`` to ``last`` - 1, by default all."""
-        returns: Floats = self.returns_of_each([challenger], first, last)[0]
-        return returns
-
     def returns_of_each(
         self, challengers: Sequence[ActionTree], first: int = 0, last: int | None = None
     ) -> Floats:

@@ -169,7 +169,7 @@ class ImaginedChallengers:
                 large[recipe] = self.to_prune(recipe, rows)
             rollouts = EnsembleRollouts(ensemble, N_STARTS, generator)
             tree, _ = pruned_by_rollouts(large[recipe], rollouts, self._max_leaves, generator)
-            score = judge.score(judge.returns_of(tree))
+            score = judge.score(judge.returns_of_each([tree])[0])
             scores[recipe].append(score)
             made.append(RacedTree(tree, "pruned-weighted" if recipe[1] else "pruned", score))
         return sorted(made, key=lambda one: -one.imagined)[:n]
@@ -188,8 +188,9 @@ class ImaginedChallengers:
             return
         rollouts = EnsembleRollouts(self.ensemble, N_STARTS, generator)
         rollouts.run(policy)
-        for one in raced:
-            one.imagined = rollouts.score(rollouts.returns_of(one.tree))
+        returns = rollouts.returns_of_each([one.tree for one in raced])
+        for one, row in zip(raced, returns, strict=True):
+            one.imagined = rollouts.score(row)
 
     def trust(self, raced: Sequence[RacedTree]) -> ModelTrust | None:
         """Return how the model orders the trees that were really run; None without a model."""
