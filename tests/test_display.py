@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from eutree.display import SAME, decimals_of, number, told_apart, usual_width
+from eutree.display import SAME, decimals_of, fixed, number, told_apart, usual_width
 
 
 @pytest.mark.parametrize(
@@ -51,3 +51,12 @@ def test_nothing_known_is_no_crash():
     assert number(math.inf, 2) == "inf"
     assert number(math.nan, 2) == "nan"
     assert told_apart([], 1.0) == {}
+
+
+def test_small_numbers_have_digits_that_say_something():
+    assert f"{86.14:{fixed(1, [86.14])}}" == "86.1"
+    assert f"{-0.0123:{fixed(1, [-0.0123, -0.0101])}}" == "-0.012"
+    assert f"{0.0:{fixed(2, [0.0])}}" == "0.00"
+    assert f"{1.0:{fixed(2, [1.0, 0.002])}}" == "1.00"
+    assert f"{0.5:{fixed(1, [0.5])}}" == "0.50"
+    assert fixed(1, []) == fixed(1, [float("nan")]) == fixed(1, [float("inf")]) == ".1f"

@@ -19,6 +19,17 @@ def counted(count: int, noun: str) -> str:
     return f"{count} {noun if count == 1 else _PLURALS.get(noun, noun + 's')}"
 
 
+def fixed(digits: int, values: Iterable[float]) -> str:
+    """Return a format with so many digits after the point, or more where all values are below 1.
+
+    >>> f"{-0.0123:{fixed(1, [-0.0123, 0.002])}}"
+    '-0.012'
+    """
+    largest = max(map(abs, values), default=0.0)
+    more = -math.floor(math.log10(largest)) if 0.0 < largest < 1.0 else 0
+    return f".{digits + more}f"
+
+
 _load: Callable[[], Any] | None = None
 
 

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TextIO
 import click
 
 from eutree.arrays import plain
+from eutree.display import fixed
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -143,14 +144,14 @@ def front_drawn(front: "Sequence[FrontEntry]", first: str, picked: int | None = 
         return ""
     best = max(one.mean_return for one in front)
     least = min(one.mean_return for one in front)
-    lines = [_HEADER]
+    digits, lines = fixed(2, [best, least]), [_HEADER]
     for number, one in enumerate(front):
         width = round(_WIDTH * (one.mean_return - least) / ((best - least) or 1.0))
         success = "" if one.success_rate is None else f"{one.success_rate:.1%}"
         mark = f"  {first}" if number == 0 else ""
         if number and one.policy.n_leaves == picked:
             mark = "  picked"
-        earned = f"{one.mean_return:.2f} {one.return_interval:.2f}"
+        earned = f"{one.mean_return:{digits}} {one.return_interval:{digits}}"
         lines.append(
             f"{one.policy.n_leaves:>6}  {earned:<28}  {success:>6}  {'#' * width}{mark}".rstrip()
         )

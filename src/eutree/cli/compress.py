@@ -21,7 +21,7 @@ from eutree.cli._policies import (
 )
 from eutree.cli.parts import cluster, workers_options
 from eutree.data import Demonstrations
-from eutree.display import counted
+from eutree.display import counted, fixed
 from eutree.errors import EutreeError, InvalidArgumentError, shown
 from eutree.evaluation import evaluate
 from eutree.files import check_writable
@@ -259,9 +259,10 @@ def _in_words(report: "CompressionReport", n_rows: int) -> str:
         words += f"; imagined to earn {before:.2f} before, {after:.2f} after"
     if report.return_change is not None:
         change = report.return_change
+        digits = fixed(2, [report.mean_return_before or 0.0])
         words += (
-            f"; mean return {report.mean_return_before:.2f} before, "
-            f"{report.mean_return_after:.2f} after, a change in {change.interval:.2f} "
+            f"; mean return {report.mean_return_before:{digits}} before, "
+            f"{report.mean_return_after:{digits}} after, a change in {change.interval:{digits}} "
             f"on {change.n} fresh episodes, {report.environment_steps} environment steps in all"
             f"{_condition(report)}"
         )

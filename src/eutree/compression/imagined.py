@@ -198,12 +198,12 @@ class ImaginedEpisodes:
         challengers = [("budget", ladder.of_size(max_leaves))]
         for _ in range(TRIES):
             rollouts = EnsembleRollouts(ensemble, N_STARTS, generator)
-            tree, _ = pruned_by_rollouts(_acting(large), rollouts, max_leaves, generator)
+            tree, _ = pruned_by_rollouts(acting(large), rollouts, max_leaves, generator)
             found = to_decision_tree(tree, policy.tree.n_features)
             challengers.append(("imagined", with_tree(policy, *found)))
         fresh = EnsembleRollouts(ensemble, SELECTION_STARTS, generator)
-        fresh.run(_acting(whole))
-        returns = fresh.returns_of_each([_acting(tree) for _, tree in challengers])
+        fresh.run(acting(whole))
+        returns = fresh.returns_of_each([acting(tree) for _, tree in challengers])
         scores = [fresh.score(row) for row in returns]
         best = int(np.argmax(scores))
         method, chosen = challengers[best]
@@ -212,7 +212,3 @@ class ImaginedEpisodes:
         return Pruned(
             merged(chosen), method, before, scores[best], asked, np.array([before, *scores])
         )
-
-
-def _acting(policy: TreePolicy) -> ActionTree:
-    return from_decision_tree(policy.tree, policy.actions)

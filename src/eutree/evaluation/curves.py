@@ -14,7 +14,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from eutree.display import counted
+from eutree.display import counted, fixed
 from eutree.errors import FormatError, blamed
 from eutree.validation import data_frame
 
@@ -40,7 +40,8 @@ class CurvePoint:
     def describe(self) -> str:
         """Return the point in a few words, for a progress line."""
         success = "" if self.success_rate is None else f"success {self.success_rate:.0%}, "
-        return f"{success}return {self.mean_return:.1f}, {counted(self.n_leaves, 'leaf')}"
+        earned = f"{self.mean_return:{fixed(1, [self.mean_return])}}"
+        return f"{success}return {earned}, {counted(self.n_leaves, 'leaf')}"
 
 
 COLUMNS = tuple(field.name for field in fields(CurvePoint))

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from eutree.arrays import Booleans, Floats, Integers, freeze
 from eutree.contests import bounds_of_change
 from eutree.data import Episode
-from eutree.display import Displayed, counted
+from eutree.display import Displayed, counted, fixed
 from eutree.errors import InvalidArgumentError
 from eutree.validation import check_integer, check_number, check_vector, data_frame
 
@@ -206,13 +206,14 @@ class Evaluation(Earned, Displayed):
     def __str__(self) -> str:
         """Return the evaluation in one line, 95 % intervals in brackets; one episode has none."""
         interval, success = "", ""
+        digits = fixed(2, [self.mean_return])
         if self.episodes > 1:
-            interval = f" {self.return_interval:.2f}"
+            interval = f" {self.return_interval:{digits}}"
         if self.success_rate is not None and self.success_interval is not None:
             success = f"success {self.success_rate:.1%} {self.success_interval:.1%}, "
         leaves = "" if self.n_leaves is None else f", {counted(self.n_leaves, 'leaf')}"
         return (
-            f"{counted(self.episodes, 'episode')}: {success}mean return {self.mean_return:.2f}"
+            f"{counted(self.episodes, 'episode')}: {success}mean return {self.mean_return:{digits}}"
             f"{interval}, {self.mean_length:.1f} steps{leaves}"
         )
 
@@ -358,7 +359,8 @@ class Against:
 
     def describe(self, name: str) -> str:
         """Return it in words; ``name`` is the other policy's."""
-        words = f"return {self.return_change:+.2f} {self.return_interval:.2f}"
+        digits = fixed(2, self.return_interval)
+        words = f"return {self.return_change:+{digits}} {self.return_interval:{digits}}"
         if self.success_change is not None and self.success_interval is not None:
             change = f"{100 * self.success_change:+.1f} % {self.success_interval.percent:.1f}"
             words += f", success {change}"

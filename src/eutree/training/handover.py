@@ -16,7 +16,7 @@ import msgspec
 from eutree.arrays import Floats
 from eutree.contests import Better, NextEpisodes, NotWorse, Verdict, hold, missing, new_table
 from eutree.contests.table import seen_range
-from eutree.display import counted
+from eutree.display import counted, fixed
 from eutree.evaluation import Evaluation, Interval, against
 from eutree.interaction.acting import Controller
 from eutree.learners import Method
@@ -70,9 +70,10 @@ class JudgedTree:
         success = ""
         if self.success_rate is not None and self.success_interval is not None:
             success = f"{self.success_rate:.1%} {self.success_interval:.1%}, "
+        digits = fixed(1, [self.mean_return])
         return (
-            f"{counted(self.n_leaves, 'leaf')}, {success}return {self.mean_return:.1f} "
-            f"{self.return_interval:.1f}, worst {self.worst:.1f}"
+            f"{counted(self.n_leaves, 'leaf')}, {success}return {self.mean_return:{digits}} "
+            f"{self.return_interval:{digits}}, worst {self.worst:{digits}}"
         )
 
 
@@ -150,7 +151,8 @@ class Judgement:
         if self.is_start:
             tried = f": {counted(self.challengers, 'challenger')} tried" if self.challengers else ""
             return f"nothing better than {start} was found{tried}"
-        words = f"return {self.return_change:+.1f} {self.return_interval:.1f}"
+        digits = fixed(1, self.return_interval)
+        words = f"return {self.return_change:+{digits}} {self.return_interval:{digits}}"
         if self.success_change is not None and self.success_interval is not None:
             percent = self.success_interval.percent
             words += f", success {100 * self.success_change:+.1f} % {percent:.1f}"
