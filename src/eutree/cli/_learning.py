@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from eutree.cli._given import keep
 from eutree.cli._output import ProgressLine, figures_of, front_drawn, progress, runs_as_values, say
 from eutree.cli._policies import beside
-from eutree.display import counted, fixed
+from eutree.display import counted
 from eutree.schema import EnvironmentSpec
 
 if TYPE_CHECKING:
@@ -191,11 +191,10 @@ def many_results(learned: "LearningRuns", out: Path) -> "tuple[dict[str, Any], T
     )  # fmt: skip
     for number, run in enumerate(learned.runs):
         known, rate = run.selection, run.selection.success_rate
-        digits = fixed(2, [known.mean_return])
         table.add_row(
             "*" if number == learned.winner else "",
             str(run.seed),
-            f"{known.mean_return:{digits}} {known.return_interval:{digits}}",
+            known.return_interval.around(known.mean_return, 2),
             "" if rate is None else f"{rate:.1%} {known.success_interval:.1%}",
             str(run.n_leaves),
         )

@@ -259,7 +259,7 @@ def _in_words(report: "CompressionReport", n_rows: int) -> str:
         words += f"; imagined to earn {before:.2f} before, {after:.2f} after"
     if report.return_change is not None:
         change = report.return_change
-        digits = fixed(2, [report.mean_return_before or 0.0])
+        digits = fixed(2, [report.mean_return_before or 0.0, report.mean_return_after or 0.0])
         words += (
             f"; mean return {report.mean_return_before:{digits}} before, "
             f"{report.mean_return_after:{digits}} after, a change in {change.interval:{digits}} "

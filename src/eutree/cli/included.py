@@ -123,7 +123,7 @@ def zoo(task: str | None) -> Result:
 
 def _lines(one: Card, *, full: bool) -> Iterator[str]:
     """Yield a tree's row and, in full, its proven properties and the sources that learned it."""
-    returns = f"{one.mean_return:.1f} {Interval(*one.interval):.1f}"
+    returns = Interval(*one.interval).around(one.mean_return, 1)
     proven = "yes" if one.proven else ""
     yield (
         f"{one.name:<22}  {one.leaves:>6}  {returns:<24}  {one.worst:>6.1f}  {one.steps:>7,}"

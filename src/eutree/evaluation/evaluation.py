@@ -37,6 +37,11 @@ class Interval(NamedTuple):
         """Return it in brackets, both ends in one format: ``[0.12, 0.56]``."""
         return f"[{self.low:{spec}}, {self.high:{spec}}]"
 
+    def around(self, mean: float, digits: int, sign: str = "") -> str:
+        """Return a mean and its interval, in digits that say something: ``0.34 [0.12, 0.56]``."""
+        spec = fixed(digits, self)
+        return f"{mean:{sign}{spec}} {self:{spec}}"
+
     @property
     def percent(self) -> "Interval":
         """The interval of a share, in percent."""
@@ -205,16 +210,15 @@ class Evaluation(Earned, Displayed):
 
     def __str__(self) -> str:
         """Return the evaluation in one line, 95 % intervals in brackets; one episode has none."""
-        interval, success = "", ""
-        digits = fixed(2, [self.mean_return])
+        success, earned = "", f"{self.mean_return:{fixed(2, [self.mean_return])}}"
         if self.episodes > 1:
-            interval = f" {self.return_interval:{digits}}"
+            earned = self.return_interval.around(self.mean_return, 2)
         if self.success_rate is not None and self.success_interval is not None:
             success = f"success {self.success_rate:.1%} {self.success_interval:.1%}, "
         leaves = "" if self.n_leaves is None else f", {counted(self.n_leaves, 'leaf')}"
         return (
-            f"{counted(self.episodes, 'episode')}: {success}mean return {self.mean_return:{digits}}"
-            f"{interval}, {self.mean_length:.1f} steps{leaves}"
+            f"{counted(self.episodes, 'episode')}: {success}mean return {earned}, "
+            f"{self.mean_length:.1f} steps{leaves}"
         )
 
     def to_pandas(self) -> Any:
@@ -359,8 +363,7 @@ class Against:
 
     def describe(self, name: str) -> str:
         """Return it in words; ``name`` is the other policy's."""
-        digits = fixed(2, self.return_interval)
-        words = f"return {self.return_change:+{digits}} {self.return_interval:{digits}}"
+        words = f"return {self.return_interval.around(self.return_change, 2, '+')}"
         if self.success_change is not None and self.success_interval is not None:
             change = f"{100 * self.success_change:+.1f} % {self.success_interval.percent:.1f}"
             words += f", success {change}"

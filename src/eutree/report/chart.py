@@ -291,4 +291,4 @@ def _changed(larger: FrontEntry, one: FrontEntry) -> str:
 
 def _earned(one: FrontEntry) -> str:
     success = "" if one.success_rate is None else f"{one.success_rate:.1%} success, "
-    return f"{success}return {one.mean_return:.2f} {one.return_interval:.2f}"
+    return f"{success}return {one.return_interval.around(one.mean_return, 2)}"

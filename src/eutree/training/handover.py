@@ -70,11 +70,9 @@ class JudgedTree:
         success = ""
         if self.success_rate is not None and self.success_interval is not None:
             success = f"{self.success_rate:.1%} {self.success_interval:.1%}, "
-        digits = fixed(1, [self.mean_return])
-        return (
-            f"{counted(self.n_leaves, 'leaf')}, {success}return {self.mean_return:{digits}} "
-            f"{self.return_interval:{digits}}, worst {self.worst:{digits}}"
-        )
+        earned = self.return_interval.around(self.mean_return, 1)
+        worst = f"{self.worst:{fixed(1, self.return_interval)}}"
+        return f"{counted(self.n_leaves, 'leaf')}, {success}return {earned}, worst {worst}"
 
 
 _SAID = {  # names of facts in events.jsonl
@@ -151,8 +149,7 @@ class Judgement:
         if self.is_start:
             tried = f": {counted(self.challengers, 'challenger')} tried" if self.challengers else ""
             return f"nothing better than {start} was found{tried}"
-        digits = fixed(1, self.return_interval)
-        words = f"return {self.return_change:+{digits}} {self.return_interval:{digits}}"
+        words = f"return {self.return_interval.around(self.return_change, 1, '+')}"
         if self.success_change is not None and self.success_interval is not None:
             percent = self.success_interval.percent
             words += f", success {100 * self.success_change:+.1f} % {percent:.1f}"
