@@ -19,7 +19,8 @@ from unittest import mock
 import numpy as np
 
 from eutree.learners.distilled_dqn import races
-from eutree.learners.distilled_dqn.learner import DistilledDQN, DistilledDQNLearner, Stage
+from eutree.learners.distilled_dqn.learner import DistilledDQN, DistilledDQNLearner
+from eutree.learners.distilled_dqn.state import Stage
 from eutree.learners.distilled_dqn.teaching import LAST_OF_TEACHER
 from eutree.training.checkpoint import restore_checkpoint, write_checkpoint
 from eutree.training.listeners import Listener

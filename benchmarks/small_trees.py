@@ -43,8 +43,8 @@ from eutree.evaluation import mean_interval
 from eutree.files import read_archive
 from eutree.learners.declared import part
 from eutree.learners.distilled_dqn import DistilledDQN
-from eutree.learners.distilled_dqn.learner import NUMBERS, Stage
 from eutree.learners.distilled_dqn.races import RACED_TREE, RacedTree, unpacked_raced
+from eutree.learners.distilled_dqn.state import NUMBERS, Stage
 from eutree.policies import TreePolicy
 from eutree.policy_search.model_trust import RankCorrelation, rank_correlation
 from eutree.training import stored_transitions

@@ -1,6 +1,6 @@
 """Measure the table: what a small tree earns at a size after a number of counted steps.
 
-Run: python benchmarks/table.py TASK [TASK ...] [--who eutree derived dagger viper network]
+Run: python benchmarks/table.py TASK [TASK ...] [--who eutree derived sums dagger viper network]
      [--steps 10000 50000 100000] [--leaves 4 8 16 32] [--seeds 10] [--first 20000]
      [--trees FOLDER] [--out docs/results/table]
 
@@ -9,6 +9,7 @@ the settings of ``src/eutree/zoo/settings/TASK.toml`` for the steps that are lef
 count). The tree has at most so many leaves, and 200 fresh episodes say what it earns. What sizes
 have in common is learned once, and counted in each (``benchmarks/common_part.py``).
 ``derived`` does the same with the settings of ``TASK-derived.toml``, which declare features.
+``sums`` does it with the task's own settings and ``sums = 3``: no person declares anything.
 ``dagger`` and ``viper`` make trees (CART) of a DQN of Stable-Baselines3 with the settings of its
 zoo, which has four fifths of the steps; all its steps count. ``network`` is that DQN with all of
 them: the line above. A task that its zoo does not know has the settings of Acrobot there.
@@ -56,7 +57,8 @@ ROOT = Path(__file__).resolve().parents[1]
 ROWS = ROOT / "docs" / "results" / "table"
 STEPS, LEAVES = (10_000, 50_000, 100_000), (4, 8, 16, 32)
 SEEDS, FIRST, FINAL_EPISODES = 10, 20_000, 200
-OURS = ("eutree", "derived")
+OURS = ("eutree", "derived", "sums")
+CHANGES = {"sums": ("sums=3",)}  # of the settings
 STUDENTS = ("dagger", "viper")
 ROUNDS, TEACHERS = 8, 0.8  # of DAgger and VIPER; the share of the steps that their teacher takes
 COLUMNS = ("who", "task", "steps", "leaves", "seed", "return", "error", "success", "worst",
@@ -128,7 +130,9 @@ class Settings:
     @classmethod
     def of(cls, task: str, who: str = "eutree") -> "Settings":
         path = zoo.settings_of(settings_name(task, who))
-        method = chosen_method(None, offline=False, settings=path, changes=(), discount=None)
+        method = chosen_method(
+            None, offline=False, settings=path, changes=CHANGES.get(who, ()), discount=None
+        )
         run = RunSettings.of(path)
         script = script_of(task, str(run.expert))
         return cls(method, script, run.demonstrations, run.race_share, dict(run.arguments),
@@ -281,8 +285,8 @@ def measured(cell: Cell, trees: Path | None, common: Path | None) -> dict[str, A
 
 def tree_of(cell: Cell) -> str:
     """Return the name of the file that a cell's tree is kept in."""
-    task = settings_name(cell.task, cell.who).replace("/", "-")
-    return f"{task}-{cell.steps}-{cell.leaves}-{cell.seed}.json"
+    who = "" if cell.who == OURS[0] else f"-{cell.who}"
+    return f"{cell.task.replace('/', '-')}{who}-{cell.steps}-{cell.leaves}-{cell.seed}.json"
 
 
 def cell_of(row: dict[str, str]) -> Cell:

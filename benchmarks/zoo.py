@@ -78,7 +78,7 @@ def card_of(row: dict[str, str], policy: eutree.TreePolicy, size: int, episodes:
     task = row["task"]
     end = returns_of(policy, task, episodes, JUDGING)
     low, high = mean_interval(end.returns)
-    who = " --who derived" if row["who"] == "derived" else ""
+    who = "" if row["who"] == OURS[0] else f" --who {row['who']}"
     return zoo.Card(
         task=task, most_leaves=size, leaves=policy.n_leaves,
         mean_return=round(float(end.mean_return), 2),

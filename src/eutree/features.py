@@ -92,6 +92,18 @@ class Derivation:
         earlier = np.maximum(np.arange(len(measured)) - 1, 0)
         return self._with(measured, lambda now, j: now[j][earlier])
 
+    def behind(self, observations: Floats) -> Floats:
+        """Return observations [..., f] with the derived features that are not among them yet.
+
+        Those may not ask for a step before. Observations of d numbers or more are complete.
+        """
+        columns = list(np.moveaxis(observations, -1, 0))
+        missing = self.formulas[len(columns) - self.n_measured :]
+        for formula in missing:
+            value = formula.compute(columns, lambda j: columns[j])
+            columns.append(np.broadcast_to(value, observations.shape[:-1]))
+        return np.stack(columns, axis=-1) if missing else observations
+
     def _with(self, measured: Floats, last: Callable[[list[Floats], int], Floats]) -> Floats:
         """Return the features with those derived; ``last`` gives a column one step before."""
         columns = [measured[..., j] for j in range(self.n_measured)]

@@ -34,6 +34,9 @@ OTHERS = {
         dagger_share=0.1,
         world_model=EnsembleSettings(members=2, hidden=8, batch=16, updates=20, more_updates=5),
     ),
+    "distilled-dqn, with sums": replace(
+        SMALL["distilled-dqn"], sums=2, steps=900, teacher_share=0.1, dagger_share=0.1
+    ),
 }
 NAMES = (*METHODS, *OTHERS)
 

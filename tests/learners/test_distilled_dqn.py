@@ -12,8 +12,8 @@ from eutree.envs.experts import follow_the_fall
 from eutree.errors import FormatError, InvalidArgumentError
 from eutree.interaction import GuardedEnv, episode_seed
 from eutree.learners.distilled_dqn import DistilledDQN
-from eutree.learners.distilled_dqn.learner import Stage
 from eutree.learners.distilled_dqn.races import RacedTree
+from eutree.learners.distilled_dqn.state import Stage
 from eutree.learners.learner import Problem, Start, Step
 from eutree.neural import DoubleDQNSettings
 from eutree.recording import record
@@ -175,6 +175,33 @@ def test_a_learner_goes_on_from_any_stage_to_the_same_bytes(stage, whole, shown,
     mine, theirs = loop.learner.state(), learner.state()
     assert set(mine) == set(theirs)
     assert [name for name in mine if mine[name].tobytes() != theirs[name].tobytes()] == []
+
+
+def test_a_state_has_the_sums_and_what_is_of_their_features(shown, env):
+    method = replace(METHOD, sums=2, dagger_share=0.3)
+    problem, start = problem_of(shown), Start(None, shown.kept, teacher=Scripted())
+    loop = Loop(method.start(problem, start), env, 0)
+    while loop.learner.stage is not Stage.RACE or loop.learner.races.is_run:
+        loop.advance()
+    state = copied(loop.learner.state())
+    n = len(state["sums"])
+    assert n > 0
+    assert state["model_starts"].shape[1] == state["history_observations"].shape[1] + n == 4 + n
+    checked_state("checkpoint.npz", state, method, problem, start)
+    again = method.restore(problem, start, state)
+    assert again.decisions().derived == loop.learner.decisions().derived
+    policy = again.decisions().policy(problem)
+    rows = loop.learner.history.observations[-50:]
+    acted = [again._students.act(again.races.policy, row) for row in rows]
+    assert policy.predict(rows)[0].tolist() == acted
+    for name, change in (
+        ("sums", lambda a: np.vstack([a, a, a])), ("sums", lambda a: a[:, :3]),
+        ("sums", lambda a: a[:0]), ("contender_feature", lambda a: np.where(a >= 0, 4 + n, a)),
+        ("model_low", lambda a: a[:4]),
+    ):  # fmt: skip
+        with pytest.raises(FormatError, match=r"checkpoint\.npz"):
+            checked_state("checkpoint.npz", state | {name: change(state[name])}, method, problem,
+                          start)  # fmt: skip
 
 
 def test_another_seed_gives_another_run(whole, shown, env):

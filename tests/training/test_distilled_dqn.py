@@ -34,15 +34,26 @@ def env():
 
 
 @pytest.fixture(scope="module")
+def short():
+    """So that there are many episodes."""
+    return gymnasium.make("CartPole-v1", max_episode_steps=100)
+
+
+@pytest.fixture(scope="module")
+def longer():
+    """In which the tree that the demonstrations make does not reach the end."""
+    return gymnasium.make("CartPole-v1", max_episode_steps=250)
+
+
+@pytest.fixture(scope="module")
 def shown(env):
     return eutree.record(env, follow_the_fall, episodes=5, seed=0)
 
 
 def learned(env, shown, **arguments):
-    usual = {"max_leaves": 4, "evaluate_every": 10**6, "evaluation_episodes": 2, "seed": 3}
-    return eutree.learn(
-        env, demonstrations=shown, steps=BUDGET, **{**usual, "method": METHOD, **arguments}
-    )
+    usual = {"max_leaves": 4, "evaluate_every": 10**6, "evaluation_episodes": 2, "seed": 3,
+             "steps": BUDGET, "method": METHOD}  # fmt: skip
+    return eutree.learn(env, demonstrations=shown, **{**usual, **arguments})
 
 
 @pytest.fixture(scope="module")
@@ -114,9 +125,8 @@ def test_an_interrupted_run_goes_on_to_the_same_bytes(whole, env, shown, tmp_pat
         assert (tmp_path / "run" / name).read_bytes() == (folder / name).read_bytes()
 
 
-def test_the_run_says_whether_its_model_can_be_trusted(shown, tmp_path):
+def test_the_run_says_whether_its_model_can_be_trusted(short, shown, tmp_path):
     folder = tmp_path / "run"
-    short = gymnasium.make("CartPole-v1", max_episode_steps=100)  # so that there are many
     model = replace(METHOD.world_model, updates=1500)
     result = learned(
         short, shown, out=folder, method=replace(METHOD, world_model=model), max_leaves=2
@@ -166,6 +176,65 @@ def test_a_teacher_of_ones_own_is_declared_and_reported_apart(env, shown, tmp_pa
     other = eutree.Teacher(Pushes(), steps=5)
     with pytest.raises(RunFolderError, match="was started with teacher 'Pushes, 123000 steps'"):
         learned(env, shown, teacher=other, resume=True, **usual)
+
+
+WITH_SUMS = {
+    "method": replace(METHOD, sums=2, teacher_share=0.2, dagger_share=0.25), "max_leaves": 2,
+    "steps": 15_000, "race_steps": 1000, "seed": 5, "judge_episodes": 60, "front_steps": 40_000,
+    "teacher": eutree.Teacher(Pushes(), steps=0),
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def with_sums(longer, shown, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("sums")
+    return learned(longer, shown, out=folder, **WITH_SUMS), folder
+
+
+def test_trees_may_ask_for_the_sum_that_their_teacher_decides_by(with_sums, env):
+    policy = with_sums[0].policy
+    first = policy.schema.derived[0]
+    assert (first.name, first.formula) == ("sum 1", 'angle + 0.5 * "turn rate"')
+    assert policy.n_leaves == 2
+    assert policy.tree.feature[0] >= 4  # a sum
+    assert eutree.evaluate(policy, env, episodes=5, seed=1).mean_return == 500.0
+
+
+def test_a_run_with_sums_goes_on_to_the_same_bytes(with_sums, longer, shown, tmp_path):
+    asked = 0
+
+    def stop():
+        nonlocal asked
+        asked += 1
+        return asked % 3000 == 0
+
+    for attempt in range(40):
+        learned(longer, shown, out=tmp_path / "run", resume=attempt > 0, stop=stop, **WITH_SUMS)
+        if asked % 3000:
+            break
+    assert attempt > 1
+    for name in ("policy.json", "events.jsonl"):
+        assert (tmp_path / "run" / name).read_bytes() == (with_sums[1] / name).read_bytes()
+
+
+def test_what_asks_for_sums_can_be_worked_with(with_sums, tmp_path, capsys):
+    """Run folders keep what was measured: who reads them derives what the tree asks for."""
+    folder, small = str(with_sums[1]), str(tmp_path / "small.json")
+    policy = f"{folder}/policy.json"
+    assert run(["export", policy, "--format", "c", "--out", str(tmp_path / "policy.c")]) == 0
+    assert run(["show", policy]) == 0
+    assert "where sum 1 = " in capsys.readouterr().out
+    assert run(["compress", folder, "--max-leaves", "2", "--episodes", "20", "--out", small]) == 0
+    assert eutree.TreePolicy.load(small).schema.derived
+    assert run(["verify", policy, "--property", "no dead leaves", "--run", folder]) < 2
+    assert "rror" not in capsys.readouterr().err
+
+
+def test_sums_need_the_present_alone(env, shown):
+    with pytest.raises(InvalidArgumentError, match=r"sums must be 0 where trees remember the past"):
+        learned(env, shown, method=replace(METHOD, sums=1), history=1)
+    with pytest.raises(InvalidArgumentError, match="sums must be an integer >= 0, got -1"):
+        replace(METHOD, sums=-1)
 
 
 class CountsItsSteps(Pushes):

@@ -189,7 +189,7 @@ def _observations(source: Path, demos: Path | None, policy: TreePolicy, *, neede
     from eutree.training import stored_observations
 
     if source.is_dir():
-        return stored_observations(source)
+        return policy.derivation.behind(stored_observations(source))
     if demos is not None:
         return seen_in(demos, policy)
     if needed:

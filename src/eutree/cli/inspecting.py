@@ -137,7 +137,7 @@ def verify(
     loaded = load_policy(policy)
     rows = None if demos is None else seen_in(demos, loaded)
     if run_folder is not None:
-        rows = stored_observations(run_folder)
+        rows = loaded.derivation.behind(stored_observations(run_folder))
     answers = [
         verify_policy(loaded, question, observations=rows, everywhere=everywhere)
         for question in questions

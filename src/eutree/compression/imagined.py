@@ -25,6 +25,7 @@ from eutree.world_model.action_trees import from_decision_tree, to_decision_tree
 from eutree.world_model.ensemble import EnsembleSettings, fit_ensemble
 from eutree.world_model.ensemble_rollouts import EnsembleRollouts, pruned_by_rollouts
 from eutree.world_model.rollouts import Gain
+from eutree.world_model.transitions import seen_as
 
 ROWS = 2000  # that thresholds are placed by, and parts fitted to
 
@@ -165,6 +166,7 @@ class ImaginedEpisodes:
         else:
             shown = self.experience.with_history(policy.history, policy.past_actions)
             known = Transitions.of(shown.kept, policy.schema.n_actions)
+        known = seen_as(policy.derivation.behind, known)
         if known.observations.shape[1] != policy.tree.n_features or not known.rewards.size:
             raise InvalidArgumentError(
                 f"experience must hold transitions of {policy.tree.n_features} features, "

@@ -261,10 +261,9 @@ def _places(rows: _Rows, settings: C45Settings) -> Iterator[Booleans]:
     everything = np.ones(len(rows.labels), dtype=bool)
     yield everything
     tree, _ = rows.tree(everything, settings)
-    below = np.zeros((tree.n_nodes, tree.n_leaves), dtype=bool)  # leaves below each node
-    for leaf in range(tree.n_leaves):
-        below[list(tree.path(leaf)), leaf] = True
-    sizes, where = below.sum(axis=1), tree.leaf_index(rows.columns)
+    below = tree.totals(np.eye(tree.n_leaves, dtype=np.int64)) > 0  # leaves below each node
+    where = tree.leaf_index(rows.columns)
+    sizes = below.sum(axis=1)
     for node in np.argsort(-sizes, kind="stable")[1 : 1 + MOST_PLACES].tolist():
         if sizes[node] >= STAIRCASE:
             yield below[node, where]

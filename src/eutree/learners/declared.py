@@ -390,26 +390,31 @@ def action_tree_part(prefix: str, at: str = "", *, optional: bool = False) -> Pa
     return Part(_action_tree_arrays(prefix), is_tree, optional, at, prefix, *ways)
 
 
-def packed_trees_part(prefix: str, n_trees: Size) -> Part:
-    """Return the arrays of trees of actions one after the other, under names with a prefix."""
+def packed_trees_part(prefix: str, n_trees: Size, features: str = "d") -> Part:
+    """Return the arrays of trees of actions one after the other, under names with a prefix.
+
+    ``features`` is the axis of what their tests ask for.
+    """
 
     def are_trees(found: Found) -> None:
         sizes = found.state[f"{prefix}n_nodes"].tolist()
         if not sizes or sum(sizes) != found.sizes[f"{prefix}nodes"]:
             raise found.refuse(f"{prefix}n_nodes", "must be the nodes of at least one tree")
-        check_action_trees(found, prefix, sizes)
+        check_action_trees(found, prefix, sizes, features)
 
     n_nodes = Stored("i8", (n_trees,), low=1, most=f"{prefix}nodes")
     return Part(_action_tree_arrays(prefix) | {f"{prefix}n_nodes": n_nodes}, are_trees)
 
 
-def check_action_trees(found: Found, prefix: str, sizes: Sequence[int]) -> None:
+def check_action_trees(
+    found: Found, prefix: str, sizes: Sequence[int], features: str = "d"
+) -> None:
     """Raise FormatError unless arrays under names with a prefix are trees of so many nodes."""
     for end, size in zip(np.cumsum(sizes).tolist(), sizes, strict=True):
         rows = slice(end - size, end)
         tree = ActionTree(*(found.state[f"{prefix}{name}"][rows] for name in ActionTree._fields))
         try:
-            _, actions = to_decision_tree(tree, found.sizes["d"])
+            _, actions = to_decision_tree(tree, found.sizes[features])
         except EutreeError as error:
             raise found.refuse(f"{prefix}feature", f"not a tree: {error}") from None
         if not ((actions >= 0) & (actions < found.sizes["A"])).all():

@@ -199,6 +199,7 @@ class Decisions:
             too; 1.0 unless the tree is fitted to a policy that is no tree.
         features: How the problem's observations become the features of the tree, if the learner
             remembers more of the past than the problem does; None if they are its observations.
+        derived: Declarations of derived features that the tree has behind the problem's.
     """
 
     tree: DecisionTree
@@ -207,6 +208,7 @@ class Decisions:
     locked: tuple[int, ...] = ()
     fidelity: float = 1.0
     features: FeatureMap | None = None
+    derived: tuple[str, ...] = ()
 
     def policy(self, problem: Problem) -> TreePolicy:
         """Return the decisions as a policy with the names of the problem."""
@@ -222,7 +224,7 @@ class Decisions:
         return TreePolicy(
             tree=self.tree,
             actions=self.actions,
-            schema=schema,
+            schema=schema.derive(self.derived),
             environment=problem.environment,
             history=history,
             past_actions=past_actions,

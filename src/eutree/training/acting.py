@@ -1,6 +1,7 @@
 """The episodes of a run: those in which the learner acts, and those of the race at the end."""
 
 import inspect
+from dataclasses import replace
 from typing import cast
 
 import numpy as np
@@ -179,11 +180,12 @@ class Racing:
                 if state.must_stop() or len(steps) == room:
                     return None
                 # The environment has the history already: its observations are the features.
-                action = tree.act(steps.present.tolist(), env.allowed)
+                action = tree.act(tree.derivation.behind(steps.present).tolist(), env.allowed)
                 said = steps.take(action)
                 state.steps_of_episode += 1
                 observation, reward, terminated, truncated, info = said
                 state.step_taken(Step(action, reward, observation, terminated, truncated, info))
         finally:
             state.steps_of_episode = 0
-        return steps.episode()
+        episode = steps.episode()
+        return replace(episode, observations=tree.derivation.behind(episode.observations))

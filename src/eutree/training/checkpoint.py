@@ -122,7 +122,8 @@ def restore_checkpoint(path: Path, run: Run) -> None:
     gathered, events = _gathered(path, arrays), _events(path, arrays)
     raced = []
     if document.race is not None:
-        raced = episodes_from_arrays(path, arrays, problem.n_actions, problem.n_features)
+        n_features = document.race.incumbent.policy(path).tree.n_features
+        raced = episodes_from_arrays(path, arrays, problem.n_actions, n_features)
     _check_events(path, events, gathered)
     run.learner = restored(path, arrays, method, problem, start)
     run.state.at = document.position

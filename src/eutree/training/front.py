@@ -90,10 +90,14 @@ def front_of_run(
     """
     learned = trees[0]
 
+    def here(one: TreePolicy) -> TreePolicy:
+        # An earlier incumbent may be the expert tree, which was shown in another environment, or
+        # one from before features were derived.
+        tree = replace(one.tree, n_features=learned.tree.n_features)
+        return replace(one, tree=tree, environment=learned.environment, schema=learned.schema)
+
     def checked(one: TreePolicy) -> TreePolicy:
-        # An earlier incumbent may be the expert tree, which was shown in another environment.
-        here = replace(one, environment=learned.environment, schema=learned.schema)
-        return keeping(with_locks(merged(here), learned))
+        return keeping(with_locks(merged(here(one)), learned))
 
     rollouts = None
     if isinstance(learner, Imagines):
@@ -106,7 +110,10 @@ def front_of_run(
     else:
         found = _by_labels(learned, learner, checked)
     demand = Demand(
-        episodes=extent.starts, max_leaves=max_leaves, floor=start, success_margin=success_margin
+        episodes=extent.starts,
+        max_leaves=max_leaves,
+        floor=here(start),
+        success_margin=success_margin,
     )
     common = CommonEpisodes(ground, extent.starts)
     return front_among(learned, _few([checked(learned), *found], extent.trees), common, demand)
@@ -116,7 +123,7 @@ def _by_labels(
     learned: TreePolicy, learner: Learner, checked: Callable[[TreePolicy], TreePolicy]
 ) -> list[TreePolicy]:
     """Return the trees that decide most like the learned one, the largest first."""
-    seen = learner.history.observations
+    seen = learned.derivation.behind(learner.history.observations)
     if len(seen) == 0 or seen.shape[1] != learned.tree.n_features:
         return []
     costs = Costs.of(learned, seen[:: len(seen) // ROWS + 1], "visits")

@@ -28,6 +28,7 @@ from eutree.training.handover import START
 from eutree.training.phases import Follower, Phase, Plan, Position, RunState, due, generator_of
 from eutree.training.progress import GatheredEpisodes
 from eutree.training.search import PolicySearch
+from eutree.world_model.transitions import seen_as
 
 if TYPE_CHECKING:
     from eutree.inspection import Property
@@ -185,9 +186,10 @@ class Run:
         if self.plan.race is None:
             raise InvalidArgumentError("race_steps must be above 0 to race, got 0")
         policy = self.policy()
+        known = transitions_of(self.learner.history, policy.schema.n_actions)
         return PolicySearch(
             policy,
-            transitions_of(self.learner.history, policy.schema.n_actions),
+            seen_as(policy.derivation.behind, known),
             replace(self.plan.race, keep_success=self.plan.keep_success),
             seed=self.plan.seed,
             max_episode_steps=self.beginning.problem.max_episode_steps,
@@ -206,7 +208,10 @@ class Run:
     def _masked(self, policy: TreePolicy) -> tuple[Floats, Booleans] | None:
         """Return where actions were masked and which were allowed; None where none was."""
         history = self.learner.history
-        seen, allowed = history.observations, history.columns.get("allowed")
+        seen, allowed = (
+            policy.derivation.behind(history.observations),
+            history.columns.get("allowed"),
+        )
         if allowed is None or seen.shape[1] != policy.tree.n_features:
             return None
         return seen, allowed
@@ -218,7 +223,8 @@ class Run:
         policy = self.learner.decisions().policy(self.beginning.problem)
         if (known := self._masked(policy)) is not None:
             policy = among_allowed(policy, *known)
-        policy, seen = within_kinds(self.keeping(policy)), self.learner.history.observations
+        policy = within_kinds(self.keeping(policy))
+        seen = policy.derivation.behind(self.learner.history.observations)
         features = policy.schema.features
         if len(seen) == 0 or seen.shape[1] != len(features):
             return policy

@@ -1,6 +1,6 @@
 """Stored transitions as a world model and a planner see them."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -176,3 +176,9 @@ class Transitions:
         names = ("observations", "actions", "rewards", "next_observations", "terminated",
                  "episodes")  # fmt: skip
         return replace(self, **{name: getattr(self, name)[rows] for name in names})
+
+
+def seen_as(features: Callable[[Floats], Floats], data: Transitions) -> Transitions:
+    """Return transitions with the features of observations [N, d], shape [N, f]."""
+    seen = features(data.observations), features(data.next_observations)
+    return replace(data, observations=seen[0], next_observations=seen[1])

@@ -1,35 +1,24 @@
 """The learner of ``distilled-dqn``: the stages that it goes through, one after the other."""
 
 from dataclasses import dataclass, field
-from enum import IntEnum
 from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 from eutree.arrays import Booleans, Floats
+from eutree.errors import InvalidArgumentError
 from eutree.learners.declared import (
-    MOST,
     Declared,
-    Found,
-    Part,
-    Stored,
     arrays_of,
     give_back,
-    history_parts,
-    packed_trees_part,
 )
 from eutree.learners.distilled_dqn.races import (
     MOST_PRUNED,
-    ORIGINS,
-    RACED_TREE,
     ImaginedChallengers,
     RacedTree,
     Races,
-    packed_raced,
-    packed_trees,
-    unpacked_raced,
-    unpacked_trees,
 )
+from eutree.learners.distilled_dqn.state import Stage, parts_of, sizes_with
 from eutree.learners.distilled_dqn.teaching import (
     DAgger,
     Experience,
@@ -50,12 +39,12 @@ from eutree.learners.learner import (
     Update,
     ValuingPolicy,
 )
-from eutree.neural import DoubleDQN, DoubleDQNSettings
+from eutree.neural import DoubleDQNSettings
 from eutree.neural.double_dqn import n_weights
 from eutree.policy_search.model_trust import ModelTrust
-from eutree.validation import check_amounts, check_number
+from eutree.validation import check_amounts, check_integer, check_number
 from eutree.world_model.action_trees import from_decision_tree, n_leaves, to_decision_tree
-from eutree.world_model.ensemble import N_KINDS, Ensemble, EnsembleSettings
+from eutree.world_model.ensemble import EnsembleSettings
 
 FEWEST_PRUNED = 2
 EPISODES_PER_CHALLENGER = 30  # that must be affordable for one more challenger
@@ -64,15 +53,6 @@ LOOKS = (8, 20, 40, 72, 136)
 SHORT_LOOKS = (4, 10, 20, 40)
 ALL_TIME_BEST = 2  # that meet the policy again in every race
 LAST_ENTRANTS = 5
-
-
-class Stage(IntEnum):
-    """Where a learner is."""
-
-    TEACHER = 0
-    DAGGER = 1
-    RACE = 2
-    LAST_RACE = 3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,6 +69,8 @@ class DistilledDQN:
             that follow; 0 for its own alone.
         dagger_share: Share of the steps in which DAgger gathers.
         last_share: Share of the steps that is kept for the last races.
+        sums: Most weighted sums of features that trees may ask for: those by which the teacher
+            decides, found when DAgger has gathered; 0 for features alone.
         exploration: Chance of a random action of the teacher at first.
         last_exploration: The same from a fifth of its steps on.
         demonstration_updates: Updates of the teacher before its first step; at most one for each
@@ -111,6 +93,7 @@ class DistilledDQN:
     learning_share: float = 0.0
     dagger_share: float = 0.08
     last_share: float = 0.2
+    sums: int = 0
     exploration: float = 0.3
     last_exploration: float = 0.02
     demonstration_updates: int = 2_000
@@ -119,6 +102,7 @@ class DistilledDQN:
 
     def __post_init__(self) -> None:
         check_amounts(self, max_leaves=2, steps=1, teacher_steps=1, demonstration_updates=1)
+        check_integer("sums", self.sums, low=0)
         check_number("leaf_price", self.leaf_price, low=0.0)
         for name in (
             "teacher_share", "learning_share", "dagger_share", "last_share", "exploration",
@@ -127,23 +111,31 @@ class DistilledDQN:
             check_number(name, getattr(self, name), low=0.0, high=1.0)
 
     def start(self, problem: Problem, start: Start) -> "DistilledDQNLearner":
-        """Return a learner at its start."""
+        """Return a learner at its start.
+
+        Raises:
+            InvalidArgumentError: Sums are asked for of observations that hold the past.
+        """
+        if self.sums and (problem.history or problem.past_actions):
+            raise InvalidArgumentError(
+                f"sums must be 0 where trees remember the past (history), got {self.sums}"
+            )
         return DistilledDQNLearner(self, problem, start)
 
     def restore(self, problem: Problem, start: Start, state: Arrays) -> "DistilledDQNLearner":
         """Return the learner whose ``state()`` this was; it goes on to the same bytes."""
-        return give_back(self.start(problem, start), parts_of(start), state)
+        return give_back(
+            self.start(problem, start), parts_of(start, self.sums, self.world_model), state
+        )
 
     def declared(self, problem: Problem, start: Start) -> Declared:
         """Return the declaration of a ``state()``."""
-        d, n_actions, model = problem.n_features, problem.n_actions, self.world_model
-        seen, outputs = d * (1 + model.memory), n_actions * self.teacher.quantiles
+        d, n_actions = problem.n_features, problem.n_actions
         return problem.declare(
-            *parts_of(start),
-            weights=n_weights(d, self.teacher.hidden, outputs),
-            seen=seen,
-            members=model.members,
-            member=n_weights(seen + n_actions, model.hidden, 2 * d + 5),
+            *parts_of(start, self.sums, self.world_model),
+            **sizes_with(0, d, n_actions, self.world_model),
+            weights=n_weights(d, self.teacher.hidden, n_actions * self.teacher.quantiles),
+            members=self.world_model.members,
             shown=sum(map(len, start.episodes)),
             n_shown=len(start.episodes),
         )
@@ -293,7 +285,10 @@ class DistilledDQNLearner:
 
     def decisions(self) -> Decisions:
         """Return the policy."""
-        return Decisions(*to_decision_tree(self.races.policy, self._problem.n_features))
+        sums = self._students.sums
+        derived = () if sums is None else sums.declarations(self._problem.schema)
+        tree = to_decision_tree(self.races.policy, self._problem.n_features + len(derived))
+        return Decisions(*tree, derived=derived)
 
     def model_trust(self) -> ModelTrust | None:
         """Return how the world model orders the trees that were really run; None without one."""
@@ -324,6 +319,10 @@ class DistilledDQNLearner:
         if self.steps - self._budget.teacher >= self._budget.dagger:
             self.dagger.round_from = self.steps
             self.stage = Stage.RACE
+            if self._method.sums and self._students.sums is None:
+                earned["sums"] = self._students.find_sums(
+                    self.history.observations, self._method.sums
+                )
             return earned | self._propose(generator)
         return earned | {"labels": self.dagger.next_round(self.steps)}
 
@@ -368,123 +367,4 @@ class DistilledDQNLearner:
 
     def state(self) -> Arrays:
         """Return all that is known; labels and the teacher's replay follow from the history."""
-        return arrays_of(self, parts_of(self._start))
-
-
-# The state.
-
-NUMBERS = (
-    "steps", "stage", "dagger.labelled_from", "dagger.round_from", "races.incumbent", "races.number"
-)  # fmt: skip
-
-
-def _are_numbers(found: Found) -> None:
-    """Demonstrations are a part of all that a learner has lived."""
-    most = (MOST, len(Stage) - 1, found.sizes["N"], MOST, found.sizes["T"] - 1, 2**31)
-    for name, number, bound in zip(NUMBERS, found.state["numbers"].tolist(), most, strict=True):
-        if not 0 <= number <= bound:
-            raise found.refuse("numbers", f"{name} must be in 0..{bound}")
-    n_shown = found.sizes["shown"]
-    if found.sizes["N"] < n_shown or found.value("history_n_episodes") < found.sizes["n_shown"]:
-        raise found.refuse("history_rewards", f"must begin with the {n_shown} demonstrated")
-
-
-def _are_raced(found: Found) -> None:
-    if sum(found.state[f"{RACED_TREE}n_returns"].tolist()) != found.sizes["earned"]:
-        raise found.refuse(f"{RACED_TREE}n_returns", "must be as many as there are returns")
-
-
-def _is_model(found: Found) -> None:
-    if not found.sizes["B"]:
-        raise found.refuse("model_starts", "must be at least one")
-    if (found.state["model_spread"] == 0.0).any():
-        raise found.refuse("model_spread", "must be positive")
-
-
-def _is_race(found: Found) -> None:
-    looks, run = found.state["race_looks"], found.state["race_run"]
-    if not len(looks) or (np.diff(looks, prepend=0) < 1).any() or looks[-1] != found.sizes["X"]:
-        raise found.refuse("race_looks", f"must ascend from 1 to {found.sizes['X']}, the episodes")
-    if found.sizes["R"] < 2:
-        raise found.refuse("race_entrants", "must be at least two")
-    for column, below in enumerate((found.sizes["R"], found.sizes["X"], found.sizes["N"])):
-        if (run[:, column] >= below).any():
-            raise found.refuse("race_run", f"column {column} must be in 0..{below - 1}")
-
-
-_WEIGHTS = Stored("f4", ("weights",))
-_TEACHER = Part(
-    {
-        "teacher_known": Stored("i8", "1", low=0, most="history_n_episodes", at="network.known"),
-        "teacher_updates": Stored("i8", "1", low=0, most=MOST),
-        **{f"teacher_{name}": _WEIGHTS for name in ("online", "target", "average", "mean")},
-        "teacher_square": _WEIGHTS._replace(low=0),
-    },
-    at="network.policy",
-    prefix="teacher_",
-    save=DoubleDQN.state,
-    make=lambda learner, state: learner.network.take_back(state, learner.history),
-)
-_RACED_TREES = Part(
-    {
-        f"{RACED_TREE}returns": Stored("f8", ("earned",)),
-        f"{RACED_TREE}n_returns": Stored("i8", "T", low=0, most="earned"),
-        f"{RACED_TREE}origin": Stored("i8", "T", low=0, below=len(ORIGINS)),
-        f"{RACED_TREE}imagined": Stored("f8", "T", nan=True),
-    },
-    _are_raced,
-    at="races.trees",
-    prefix=RACED_TREE,
-    save=packed_raced,
-    make=lambda _, state: unpacked_raced(state),
-)
-_STUDENT = packed_trees_part("student_", 1)._replace(
-    at="dagger.tree",
-    prefix="student_",
-    save=lambda tree: packed_trees([tree]),
-    make=lambda learner, state: learner.dagger.take_back(*unpacked_trees(state)),
-)
-_MODEL = Part(
-    {
-        "model_centre": Stored("f8", ("seen",)),
-        "model_spread": Stored("f8", ("seen",), low=0),
-        "model_move": Stored("f8", "d", low=0),
-        "model_moves": Stored("f8", "d2"),
-        "model_binary": Stored("b1", "d"),
-        "model_low": Stored("f8", "d"),
-        "model_high": Stored("f8", "d"),
-        "model_earned": Stored("f8", (N_KINDS, 4)),
-        "model_weights": Stored("f4", ("members", "member")),
-        "model_starts": Stored("f8", "Bd"),
-        "model_horizon": Stored("i8", "1", low=1, most=MOST),
-        "model_returns": Stored("f8", "2"),
-    },
-    _is_model,
-    optional=True,  # before it is fitted
-    at="challengers.ensemble",
-    prefix="model_",
-    save=Ensemble.state,
-    make=lambda learner, state: learner.challengers.ensemble_of(state),
-)
-_RACE = Part(
-    {
-        "race_returns": Stored("f8", "RX", nan=True),
-        "race_entrants": Stored("i8", "R", low=0, below="T"),
-        "race_looks": Stored("i8", "K", low=1, most="X"),
-        "race_run": Stored("i8", "Q3", low=0, most=MOST),
-    },
-    _is_race,
-    optional=True,
-    at="races",
-    save=Races.race_state,
-    make=lambda learner, state: learner.races.take_back(state),
-)
-_NUMBERS_PART = Part({"numbers": Stored("i8", (len(NUMBERS),), at=" ".join(NUMBERS))}, _are_numbers)
-
-
-def parts_of(start: Start) -> tuple[Part, ...]:
-    """Return the parts of a learner's state; a teacher that was given is given again."""
-    teacher = () if start.teacher is not None else (_TEACHER,)
-    raced = packed_trees_part(RACED_TREE, "T"), _RACED_TREES
-    history = history_parts("_experience.history")
-    return (*history, *teacher, *raced, _NUMBERS_PART, _STUDENT, _MODEL, _RACE)
+        return arrays_of(self, parts_of(self._start, self._method.sums, self._method.world_model))

@@ -26,6 +26,7 @@ from eutree.world_model import ActionTree
 from eutree.world_model.action_trees import n_leaves
 from eutree.world_model.ensemble import Ensemble, EnsembleSettings, fit_ensemble
 from eutree.world_model.ensemble_rollouts import EnsembleRollouts, pruned_by_rollouts
+from eutree.world_model.transitions import seen_as
 
 RACED_TREE = "contender_"  # a raced tree's arrays: checkpoints keep the word of the first release
 # The start, CART as it is, or pruned by imagined returns from a plain or from a weighted CART.
@@ -139,6 +140,7 @@ class ImaginedChallengers:
     def make(self, n: int, generator: np.random.Generator) -> list[RacedTree]:
         """Fit the model to all that is known; return CART's trees and ``n`` pruned ones."""
         data = transitions_of(self._experience.history, self._n_actions)
+        data = seen_as(self._students.seen, data)
         if self.ensemble is None:
             ensemble = fit_ensemble(data, self._settings, generator)
         else:

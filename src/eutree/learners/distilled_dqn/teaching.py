@@ -13,6 +13,7 @@ from eutree.arrays import Booleans, Floats, Int32s, Integers
 from eutree.cart import grow_cart
 from eutree.data import Episode
 from eutree.learners.declared import State
+from eutree.learners.distilled_dqn.sums import Labels, Sums, found_sums
 from eutree.learners.episode_buffer import store_demonstrations
 from eutree.learners.history import TERMINAL, History
 from eutree.neural import DoubleDQN, DoubleDQNSettings, Scaling
@@ -75,7 +76,11 @@ class Experience:
 
 
 class Students:
-    """The actions of a teacher at observations, and trees that copy them."""
+    """The actions of a teacher at observations, and trees that copy them.
+
+    Attributes:
+        sums: What their tests may ask for besides features; None before it is looked for.
+    """
 
     def __init__(
         self,
@@ -86,6 +91,7 @@ class Students:
         self._action_values = action_values
         self._n_actions = n_actions
         self._masks = masks
+        self.sums: Sums | None = None
         self.begin(0)
 
     def begin(self, first: int) -> None:
@@ -93,6 +99,17 @@ class Students:
         self._first = first
         self._labels: Integers = np.empty(0, dtype=np.int64)
         self._gaps: Floats = np.empty(0)
+
+    def find_sums(self, observations: Floats, most: int) -> int:
+        """Find weighted sums of features that shorten copies of the teacher; return how many."""
+        self._label(observations)
+        rows = observations[self._first :]
+        self.sums = found_sums(Labels(rows, self._labels, self._action_values(rows)), most)
+        return len(self.sums)
+
+    def seen(self, observations: Floats) -> Floats:
+        """Return what tests may ask for at observations [..., d]: features, and sums."""
+        return self.sums.behind(observations) if self.sums else observations
 
     def fit(
         self,
@@ -117,7 +134,7 @@ class Students:
             rows, classes = observations[self._first :], self._labels.astype(np.int32)
             weights = self._gaps if weighted and self._gaps.sum() > 0.0 else None
         tree, actions = grow_cart(
-            rows,
+            self.seen(rows),
             classes.astype(np.int64),
             n_classes=self._n_actions,
             max_leaves=max_leaves,
@@ -127,12 +144,13 @@ class Students:
 
     def act(self, tree: ActionTree, observation: Floats, allowed: Booleans | None = None) -> int:
         """Return a tree's action at an observation [d], among those that are allowed, [A]."""
-        action = int(tree.action[leaf_node(tree, 0, observation)])
+        seen = self.seen(observation)
+        action = int(tree.action[leaf_node(tree, 0, seen)])
         if allowed is None or allowed[action]:
             return action
-        schema = Schema.anonymous(observation.size, self._n_actions)
-        policy = TreePolicy(*to_decision_tree(tree, observation.size), schema)
-        return policy.act(observation.tolist(), allowed)
+        schema = Schema.anonymous(seen.size, self._n_actions)
+        policy = TreePolicy(*to_decision_tree(tree, seen.size), schema)
+        return policy.act(seen.tolist(), allowed)
 
     def agree(self, tree: ActionTree, observations: Floats, actions: Int32s) -> bool:
         """Return whether a tree does just this at observations [T, d]."""
