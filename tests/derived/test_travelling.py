@@ -14,6 +14,7 @@ from eutree.interaction import DerivedObservation, GuardedEnv, describe
 from eutree.interaction.making import make
 from eutree.interaction.names import Names, named
 from eutree.policies import TreePolicy
+from eutree.report import watch
 from eutree.schema import EnvironmentSpec, Feature
 from eutree.trees import DecisionTree
 
@@ -133,6 +134,21 @@ def test_an_environment_without_names_takes_those_of_the_policy(policy):
             return np.ones(4, np.float32), 1.0, True, False, {}
 
     assert eutree.evaluate(policy, Nameless(), episodes=2).mean_return == 1.0
+
+
+def test_a_tree_is_watched_where_nobody_declares_what_it_asks_for(policy):
+    watched = watch(policy, episodes=2, pictures=False)
+    assert [one.episode.observations.shape[1] for one in watched] == [7, 7]
+
+
+def test_demonstrations_from_before_a_tree_was_derived_go_with_it(policy):
+    demos = eutree.record("CartPole-v1", lambda env: Left(), episodes=3, seed=0)
+    result = eutree.learn(
+        gym.make("CartPole-v1"), expert=policy, demonstrations=demos, method="planning",
+        episodes=2, evaluation_episodes=2, judge_episodes=0,
+    )  # fmt: skip
+    assert result.history.observations.shape[1] == 7
+    assert result.policy.schema.derived == policy.schema.derived
 
 
 def test_a_formula_of_another_environment_is_said(policy):

@@ -14,6 +14,7 @@ from eutree.arrays import Floats
 from eutree.data import Episode
 from eutree.errors import EnvironmentFault, EutreeError, InvalidArgumentError, MissingExtraError
 from eutree.interaction import GuardedEnv, episode_seed, run_episode
+from eutree.interaction.deriving import acting_as
 from eutree.interaction.episode import Stream
 from eutree.interaction.making import make
 from eutree.policies import TreePolicy
@@ -88,7 +89,8 @@ def watch(
             raise InvalidArgumentError(
                 f"{spec.id} draws none: its metadata['render_modes'] must name rgb_array"
             )
-    with closing(make(spec, render_mode="rgb_array" if pictures else None)) as env:
+    made = make(spec, render_mode="rgb_array" if pictures else None)
+    with closing(acting_as(made, policy)) as env:
         plain, filmed = GuardedEnv(env), _FilmedEnv(env)
         if plain.schema.n_features != policy.observation_size:
             raise InvalidArgumentError(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 import gymnasium
 
 from eutree.compression.playing import Ground
-from eutree.data import Demonstrations, check_rewards
+from eutree.data import Demonstrations, check_rewards, derive
 from eutree.errors import InvalidArgumentError
 from eutree.evaluation import Against, against, evaluate
 from eutree.evaluation.evaluate import evaluate_starts
@@ -166,6 +166,9 @@ def _prepared(
         check_kind("demonstrations", demonstrations, Demonstrations)
     if expert is not None:
         check_kind("expert", expert, TreePolicy)
+    if expert is not None and demonstrations is not None:
+        more = expert.schema.derived[len(demonstrations.schema.derived) :]
+        demonstrations = derive(demonstrations, more) if more else demonstrations
     if env is not None:
         env = acting_as(env, expert or demonstrations)
         if asked.starts:
