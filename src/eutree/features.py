@@ -63,6 +63,14 @@ class Derivation:
         asked = {one.index for formula in self.formulas for one in formula if one.kind == "last"}
         return tuple(sorted(asked))
 
+    def made_of(self, feature: int) -> tuple[int, ...]:
+        """Return the derived features that a feature, or what is made of it, is a part of."""
+        made = {feature}
+        for number, formula in enumerate(self.formulas, self.n_measured):
+            if any(part.index in made for part in formula if part.kind == "feature"):
+                made.add(number)
+        return tuple(sorted(made - {feature}))
+
     def rows(self, measured: Floats, before: Floats | None = None) -> Floats:
         """Return observations with their derived features, shape [..., d].
 

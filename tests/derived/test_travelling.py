@@ -10,6 +10,7 @@ import pytest
 import eutree
 from eutree.data import derive
 from eutree.errors import FormatError, InvalidArgumentError, UnknownNameError
+from eutree.inspection import monotone_rules, verify
 from eutree.interaction import DerivedObservation, GuardedEnv, describe
 from eutree.interaction.making import make
 from eutree.interaction.names import Names, named
@@ -149,6 +150,20 @@ def test_demonstrations_from_before_a_tree_was_derived_go_with_it(policy):
     )  # fmt: skip
     assert result.history.observations.shape[1] == 7
     assert result.policy.schema.derived == policy.schema.derived
+
+
+@pytest.mark.parametrize("past", [0, 1])
+def test_nothing_is_proven_monotone_through_what_is_made_of_it(policy, past):
+    """With ``turn`` held fixed no test asks for the angle; but it turns with it."""
+    schema = policy.schema.with_history(past)
+    tree = replace(policy.tree, n_features=schema.n_features)
+    policy = replace(policy, tree=tree, schema=schema, history=past)
+    with pytest.raises(InvalidArgumentError, match=r"lean, which .* is made of angle"):
+        verify(policy, "monotone right in angle")
+    with pytest.raises(InvalidArgumentError, match=r"lean, which .* is made of position"):
+        monotone_rules(["right in position"], schema)
+    assert verify(policy, 'monotone right in turn rate').holds
+    assert not verify(policy, "monotone left in turn").holds
 
 
 def test_a_formula_of_another_environment_is_said(policy):

@@ -233,6 +233,8 @@ def test_what_asks_for_sums_can_be_worked_with(with_sums, tmp_path, capsys):
 def test_sums_need_the_present_alone(env, shown):
     with pytest.raises(InvalidArgumentError, match=r"sums must be 0 where trees remember the past"):
         learned(env, shown, method=replace(METHOD, sums=1), history=1)
+    with pytest.raises(InvalidArgumentError, match="sums must be 0 with monotone rules"):
+        learned(env, shown, method=replace(METHOD, sums=1), monotone=["right in angle"])
     with pytest.raises(InvalidArgumentError, match="sums must be an integer >= 0, got -1"):
         replace(METHOD, sums=-1)
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from eutree.arrays import Booleans, Floats, Integers
 from eutree.errors import InvalidArgumentError
-from eutree.inspection.properties import Property, parse
+from eutree.inspection.properties import Property, check_says_all, parse
 from eutree.inspection.regions import is_box, ways
 from eutree.policies import TreePolicy
 from eutree.schema import Schema
@@ -39,7 +39,8 @@ def monotone_rules(texts: Sequence[str], schema: Schema) -> tuple[Property, ...]
         schema: Names of features and actions.
 
     Raises:
-        InvalidArgumentError: A text is no monotone rule, or two contradict each other.
+        InvalidArgumentError: A text is no monotone rule, two contradict each other, or one is about
+            a feature that a derived one is made of.
         UnknownNameError: It names no feature or action.
     """
     rules = tuple(
@@ -47,6 +48,7 @@ def monotone_rules(texts: Sequence[str], schema: Schema) -> tuple[Property, ...]
         for text in check_listed("monotone", texts)
     )
     for number, rule in enumerate(rules):
+        check_says_all(rule, schema)
         for other in rules[:number]:
             (mine, falls), (theirs, rises) = _direction(rule, schema), _direction(other, schema)
             if mine == theirs and falls != rises and _meet(rule, other):

@@ -22,16 +22,18 @@ import json
 import math
 import operator
 import re
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
 from typing import NoReturn
 
 import numpy as np
 
 from eutree.arrays import Floats
 from eutree.errors import InvalidArgumentError, UnknownNameError
+from eutree.features import Derivation
 from eutree.inspection.regions import Region, before, is_box
 from eutree.schema import Schema
+from eutree.trees.text import printable
 
 _TOKEN = re.compile(r'\s*("(?:[^"\\]|\\.)*"|<=|>=|<|>|=|[^\s<>=]+)')
 _FLIPPED = {"<": ">", "<=": ">=", ">": "<", ">=": "<=", "=": "="}
@@ -319,3 +321,25 @@ def _number(token: str) -> float | None:
     except ValueError:
         return None
     return value if np.isfinite(value) else None
+
+
+def check_says_all(asked: Property, schema: Schema, tested: Iterable[int] | None = None) -> None:
+    """Raise InvalidArgumentError for a monotone property of what derived features are made of.
+
+    Nothing but the feature may change, and they change with it.
+
+    Args:
+        asked: Any property.
+        schema: Names of features and actions.
+        tested: The features that tests ask for; None for any.
+    """
+    if asked.kind != "monotone" or not schema.derived:
+        return
+    known = Derivation.of(replace(schema, features=(*schema.measured.features, *schema.derived)))
+    for number in known.made_of(asked.feature):
+        if tested is None or number in tested:
+            names = schema.feature_names
+            raise InvalidArgumentError(
+                f"{asked.text!r} must be about a feature alone: {printable(names[number])}, which "
+                f"tests may ask for, is made of {printable(names[asked.feature])}"
+            )

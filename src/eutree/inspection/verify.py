@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from eutree.arrays import Floats, Integers
 from eutree.display import Displayed, counted
 from eutree.errors import InvalidArgumentError
-from eutree.inspection.properties import Property, parse
+from eutree.inspection.properties import Property, check_says_all, parse
 from eutree.inspection.regions import Region, domain, finite_box, is_box, ways
 from eutree.policies import TreePolicy
 from eutree.trees.boxes import leaf_boxes, possible, volumes
@@ -122,6 +122,7 @@ def verify(
     schema = check_kind("policy", policy, TreePolicy).schema
     asked = parse(question, schema) if isinstance(question, str) else question
     check_kind("question", asked, Property)
+    check_says_all(asked, schema, frozenset(policy.tree.feature.tolist()))
     if asked.kind == "no dead leaves":
         parts = [_dead(policy, observations)]
     else:

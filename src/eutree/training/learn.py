@@ -29,7 +29,7 @@ from eutree.training.evaluations import Arena, ProvenFirst
 from eutree.training.handover import Handover
 from eutree.training.listeners import Listener, following
 from eutree.training.phases import Plan, Position, generator_of
-from eutree.training.planned import check_races, planned
+from eutree.training.planned import check_monotone, check_races, planned
 from eutree.training.result import LearningResult, result_of
 from eutree.training.run import Beginning, Run
 from eutree.training.run_folder import ConfigDocument, RunFolder, SavingClock
@@ -199,6 +199,7 @@ def _prepared(
     check_fits(choice.method, problem, begin, offline=env is None)
     document = checked_document(choice.method)
     check_races(plan, begin)
+    check_monotone(plan, choice.method)
     beginning = Beginning(choice.method, problem, begin, choice.said())
     run = Run(beginning, plan, arena, listeners=asked.listeners)
     config = _config(run, name, document, asked, demonstrations, expert, starts=digests)

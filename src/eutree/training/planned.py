@@ -186,6 +186,14 @@ def check_races(plan: Plan, start: Start) -> None:
         )
 
 
+def check_monotone(plan: Plan, method: Method) -> None:
+    """Raise InvalidArgumentError for rules about features that sums may be made of."""
+    if plan.monotone and (sums := getattr(method, "sums", 0)):
+        raise InvalidArgumentError(
+            f"sums must be 0 with monotone rules: they change with the features, got {sums}"
+        )
+
+
 def _check_acts_nowhere(asked: Asked) -> None:
     """Raise InvalidArgumentError for wishes that need an environment to act in."""
     if races := asked.budget.race_steps:
