@@ -162,7 +162,7 @@ def test_nothing_is_proven_monotone_through_what_is_made_of_it(policy, past):
         verify(policy, "monotone right in angle")
     with pytest.raises(InvalidArgumentError, match=r"lean, which .* is made of position"):
         monotone_rules(["right in position"], schema)
-    assert verify(policy, 'monotone right in turn rate').holds
+    assert verify(policy, "monotone right in turn rate").holds
     assert not verify(policy, "monotone left in turn").holds
 
 

@@ -30,7 +30,8 @@ ANGLES = 0.2 * np.arange(-7, 8)  # whose tangents are the weights tried, in unit
 FACTORS = np.array([0.5, 0.7, 0.85, 1.2, 1.4, 2.0])  # by which a weight is changed
 SWEEPS = 2  # over the weights of a sum, after each feature
 BLOCK = 500  # neighbouring labels, mostly of one episode, that are on the same side
-LESS, SURE = 0.01, 2.0  # share of the loss, and standard errors over blocks, that a sum must save
+LESS, SURE = 0.02, 1.0  # share of the loss, and standard errors over blocks, that a sum must save
+LEAST = 0.001  # of the mean weight of a label, too: where copies lose nothing, all is chance
 DIGITS = 2
 
 
@@ -138,7 +139,8 @@ def found_sums(labels: Labels, most: int) -> Sums:
             for weights in dict.fromkeys(map(_rounded, grown))
         }
         best = min(tried, key=lambda weights: float(tried[weights].mean()), default=None)
-        if best is None or not _saves(losses, tried[best]):
+        least = LEAST * float(labels.weights.mean())
+        if best is None or not _saves(losses, tried[best], least):
             break
         losses = tried[best]
         sums = Sums(np.vstack([sums.weights, best]))
@@ -146,11 +148,15 @@ def found_sums(labels: Labels, most: int) -> Sums:
     return sums
 
 
-def _saves(before: Floats, after: Floats) -> bool:
-    """Return whether losses of blocks are surely smaller, and by enough."""
+def _saves(before: Floats, after: Floats, least: float) -> bool:
+    """Return whether losses of blocks are smaller by enough.
+
+    More certainty costs more than a sum too many, which no tree has to ask for: a few blocks hold
+    most of a loss, so that two standard errors left half of the good ones out.
+    """
     saved = before - after
     error = float(saved.std(ddof=1)) / math.sqrt(saved.size)
-    return bool(saved.mean() > max(LESS * before.mean(), SURE * error))
+    return bool(saved.mean() > max(LESS * before.mean(), SURE * error, least))
 
 
 def _places(labels: Labels) -> Iterator[Labels]:
