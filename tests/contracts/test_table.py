@@ -30,6 +30,8 @@ def test_the_pages_are_made_of_the_rows() -> None:
         ("eutree", "LunarLander-v3", 32, "{:.1f} with 32, "),
         ("derived", "LunarLander-v3", 16, "{:.1f} with at most 16 leaves "),
         ("derived", "LunarLander-v3", 32, "{:.1f} with 32, five runs"),
+        ("sums", "LunarLander-v3", 32, "(*sums*) {:.1f} with 32, six runs"),
+        ("sums", "LunarLander-v3", 16, "and {:.1f} with 16, seven"),
         ("eutree", "TwoTanks-v0", 16, "{:.1f} with 16 leaves, "),
     ],
 )
