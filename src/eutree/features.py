@@ -103,14 +103,17 @@ class Derivation:
     def behind(self, observations: Floats) -> Floats:
         """Return observations [..., f] with the derived features that are not among them yet.
 
-        Those may not ask for a step before. Observations of d numbers or more are complete.
+        Those may not ask for a step before. Observations of d numbers or more are complete, and of
+        fewer than m nothing can be derived: they are returned as they are.
         """
+        known = observations.shape[-1] - self.n_measured
+        if not 0 <= known < len(self.formulas):
+            return observations
         columns = list(np.moveaxis(observations, -1, 0))
-        missing = self.formulas[len(columns) - self.n_measured :]
-        for formula in missing:
+        for formula in self.formulas[known:]:
             value = formula.compute(columns, lambda j: columns[j])
             columns.append(np.broadcast_to(value, observations.shape[:-1]))
-        return np.stack(columns, axis=-1) if missing else observations
+        return np.stack(columns, axis=-1)
 
     def _with(self, measured: Floats, last: Callable[[list[Floats], int], Floats]) -> Floats:
         """Return the features with those derived; ``last`` gives a column one step before."""

@@ -83,3 +83,5 @@ def test_derived_features_that_are_there_are_not_derived_again():
         assert (derivation.behind(whole[:, :width]) == whole).all()
     wider = np.ones((2, 9))  # with the past behind them
     assert derivation.behind(wider) is wider
+    narrower = np.ones((2, 3))  # of another task, whose reader says so
+    assert derivation.behind(narrower) is narrower

@@ -208,13 +208,11 @@ class Run:
     def _masked(self, policy: TreePolicy) -> tuple[Floats, Booleans] | None:
         """Return where actions were masked and which were allowed; None where none was."""
         history = self.learner.history
-        seen, allowed = (
-            policy.derivation.behind(history.observations),
-            history.columns.get("allowed"),
-        )
-        if allowed is None or seen.shape[1] != policy.tree.n_features:
+        allowed = history.columns.get("allowed")
+        if allowed is None:
             return None
-        return seen, allowed
+        seen = policy.derivation.behind(history.observations)
+        return (seen, allowed) if seen.shape[1] == policy.tree.n_features else None
 
     def _best(self) -> TreePolicy:
         """Return the race's result or, before that, the learned policy."""
