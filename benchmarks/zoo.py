@@ -3,16 +3,19 @@
 Run: python -m benchmarks.zoo FOLDER [--tasks TASK ...] [--episodes 1000]
 
 FOLDER holds the trees of ``python benchmarks/table.py TASK --trees FOLDER``. The three of each task
-and size that earned most there play 1,000 fresh episodes, which choose one; 1,000 others, which
-chose nothing, are what its card says. A tree that is no better than a smaller one is left out. What
+and size that earned most there play 1,000 fresh episodes. Of those that earn no less than the best
+one, as far as its 95 % interval tells, the one is chosen whose worst hundredth of episodes earns
+most: a card is for somebody who lets the tree act. 1,000 others, which chose nothing, are what its
+card says. A tree that is no better than a smaller one is left out. What
 ``eutree prove`` says within its usual limits is on the card, where the task has a plant. With
 ``--tasks`` the trees of other tasks stay; ``benchmarks/zoo_page.py`` renews the page.
 """
 
 import argparse
 import json
+import math
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from datetime import date
 from pathlib import Path
@@ -34,6 +37,7 @@ SIZES = (4, 8, 16, 32)
 CHOOSING, JUDGING = 5_000_000, 7_000_000  # seeds of the episodes that choose, and that judge
 EXTRAS = {"LunarLander-v3": "gymnasium[box2d]"}
 FINALISTS = 3
+WORST = 0.01  # of the episodes, which decide among trees that earn the same
 
 
 def rows() -> list[dict[str, str]]:
@@ -54,12 +58,21 @@ def returns_of(policy: eutree.TreePolicy, task: str, episodes: int, seed: int) -
 def best_of(
     candidates: list[dict[str, str]], trees: Path, episodes: int
 ) -> tuple[dict[str, str], eutree.TreePolicy]:
-    """Return the row and the tree that earn most on episodes of the choice."""
+    """Return the row and the tree that are chosen, by episodes of the choice."""
     order = sorted(candidates, key=lambda row: (-float(row["return"]), int(row["has_leaves"])))
     order = order[:FINALISTS]
     loaded = [(row, eutree.TreePolicy.load(file_of(row, trees))) for row in order]
-    played = [returns_of(tree, row["task"], episodes, CHOOSING).mean_return for row, tree in loaded]
-    return loaded[int(np.argmax(played))]
+    played = [returns_of(tree, row["task"], episodes, CHOOSING).returns for row, tree in loaded]
+    return loaded[safest(played)]
+
+
+def safest(played: Sequence[np.ndarray]) -> int:
+    """Return whose worst returns are best, of those that earn as much as the best on average."""
+    means = [returns.mean() for returns in played]
+    low, _ = mean_interval(played[int(np.argmax(means))])
+    worst = [np.sort(one)[: math.ceil(WORST * one.size)].mean() for one in played]
+    good = [k for k, mean in enumerate(means) if mean >= low]
+    return max(good, key=lambda k: (worst[k], means[k]))
 
 
 def proven(policy: eutree.TreePolicy, task: str) -> str | None:

@@ -21,7 +21,7 @@ from collections.abc import Callable, Iterator
 from importlib import import_module
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 from PIL import Image
@@ -38,21 +38,36 @@ SHOWN = 8  # leaves of the largest program that stands on the page itself
 EPISODE = 9_000_000  # seed of the episode that is drawn
 WIDTH, FRAMES, FRAME_MS, COLOURS = 240, 60, 100, 64
 DECISIONS, REPEATS, HIDDEN = 2000, 7, 64
+# How a derived feature is computed where it is asked for; a formula with more has no such program.
+OPERATIONS = {
+    "+": "({0}+{1})", "-": "({0}-{1})", "*": "({0}*{1})", "negative": "(-{0})",
+    "min": "min({0},{1})", "max": "max({0},{1})", "abs": "abs({0})",
+}  # fmt: skip
 
 
 def play_program(policy: eutree.TreePolicy) -> str:
     """Return a program of one line that decides like a tree; NaN fails every test here too."""
-    tree = policy.tree
+    tree, measured = policy.tree, policy.derivation.n_measured
+
+    def asked(feature: int) -> str:
+        if feature < measured:
+            return f"x[{feature}]"
+        formula = policy.derivation.formulas[feature - measured]
+        return formula.written(OPERATIONS, asked, no_last, repr)
 
     def written(node: int) -> str:
         if tree.leaf[node] != tree.NO_LEAF:
             return str(int(policy.actions[tree.leaf[node]]))
         yes, no = written(int(tree.left[node])), written(int(tree.right[node]))
         yes = f"({yes})" if "if" in yes else yes
-        test = f"x[{int(tree.feature[node])}]<={float(tree.threshold[node])!r}"
+        test = f"{asked(int(tree.feature[node]))}<={float(tree.threshold[node])!r}"
         return f"{yes} if {test} else {no}"
 
     return f"def play(x):return {written(0)}\n"
+
+
+def no_last(feature: int) -> NoReturn:
+    raise SystemExit(f"play(x) sees one step: it cannot have the last value of feature {feature}")
 
 
 def compiled(program: str) -> Callable[[Any], int]:
@@ -62,7 +77,7 @@ def compiled(program: str) -> Callable[[Any], int]:
 
 
 def seen_by(policy: eutree.TreePolicy, env: Any) -> tuple[np.ndarray, list[Any]]:
-    """Return what a tree asks in one episode, and its pictures, if the task draws any."""
+    """Return what a tree sees in one episode, and its pictures, if the task draws any."""
 
     def seen() -> list[Any]:
         return [env.render()] if env.render_mode else []
@@ -75,7 +90,7 @@ def seen_by(policy: eutree.TreePolicy, env: Any) -> tuple[np.ndarray, list[Any]]
         observation, _, terminated, truncated, _ = env.step(action)
         pictures += seen()
         over = terminated or truncated
-    return policy.derivation.of_episode(np.array(rows)), pictures
+    return np.array(rows), pictures
 
 
 def draw(pictures: list[Any], path: Path) -> None:
@@ -206,9 +221,9 @@ NOTE = """\
 Made by `python -m benchmarks.zoo_page`. Each tree is shown in an episode that chose nothing, and
 as a Python program of one line that decides like it, `play(x)`, a file each: its bytes, and the
 time of a decision beside that of a network with two layers of 64 in numpy, timed in the same
-seconds on one machine (the protocol of Kohler and others, 2025). What is derived stands in `x`
-behind what is measured. `eutree prove` answers of the property that the task's plant has of its
-own; where no plant is known it is statistical.
+seconds on one machine (the protocol of Kohler and others, 2025). What is derived is computed where
+it is asked for. `eutree prove` answers of the property that the task's plant has of its own; where
+no plant is known it is statistical.
 """
 
 

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from benchmarks.zoo import safest
 from benchmarks.zoo_page import DOCS, PLAY, card_on, compiled, main, play_program
 
 from eutree import zoo
@@ -21,8 +22,8 @@ def test_the_program_of_a_tree_decides_like_it_on_every_threshold(card: zoo.Card
     cuts = policy.tree.threshold[tests]
     near = np.concatenate([cuts, np.nextafter(cuts, np.inf), np.nextafter(cuts, -np.inf)])
     values = np.array([*near, -np.inf, np.inf, np.nan])
-    rows = np.random.default_rng(0).choice(values, size=(4000, policy.tree.n_features))
-    expected = policy.actions[policy.tree.leaf_index(rows)]
+    rows = np.random.default_rng(0).choice(values, size=(4000, policy.derivation.n_measured))
+    expected = policy.actions[policy.tree.leaf_index(policy.derivation.of_episode(rows))]
     assert [play(row) for row in rows.tolist()] == expected.tolist()
 
 
@@ -55,3 +56,13 @@ def test_cards_of_other_tasks_stay(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert (tmp_path / "zoo.md").read_text(encoding="utf-8") == PAGE
     with pytest.raises(SystemExit, match="no card of Other-v0:4"):
         card_on(PAGE, "Other-v0:4")
+
+
+def test_of_trees_that_earn_the_same_the_one_with_the_best_worst_episodes_is_chosen() -> None:
+    """Once a tree that earned 1.9 more took the place of one whose worst episode was far better."""
+    rng = np.random.default_rng(0)
+    steady = rng.normal(100.0, 10.0, 1000)
+    rash = steady + 0.5
+    rash[::100] -= 40.0
+    assert safest([steady, rash]) == safest([steady, steady - 50.0]) == 0
+    assert safest([steady, rash + 20.0]) == 1  # which earns more, so that chance is no reason
