@@ -187,3 +187,18 @@ def test_what_a_split_hands_on_equals_what_a_tree_works_out_for_itself(tree, dat
         assert [type(value) for value in mine] == [type(value) for value in theirs]
     assert not grown.threshold.flags.writeable
     assert [tree.leaf_of(point) for point in points.tolist()] == before
+
+
+@given(trees(), st.integers(0, 5), st.integers(1, 6))
+def test_the_largest_subtrees_are_the_root_and_those_of_most_leaves(
+    tree: DecisionTree, most: int, least: int
+) -> None:
+    below = [[] for _ in range(tree.n_nodes)]  # type: list[list[int]]
+    for leaf in range(tree.n_leaves):
+        for node in tree.path(leaf):
+            below[node].append(leaf)
+    found = [np.flatnonzero(leaves).tolist() for leaves in tree.largest_subtrees(most, least=least)]
+    assert found[0] == list(range(tree.n_leaves))
+    sizes = sorted((len(leaves) for leaves in below[1:] if len(leaves) >= least), reverse=True)
+    assert [len(leaves) for leaves in found[1:]] == sizes[:most]
+    assert all(leaves in below[1:] for leaves in found[1:])

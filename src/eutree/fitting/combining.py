@@ -258,12 +258,7 @@ def _screened(rows: _Rows, columns: dict[str, Floats], settings: C45Settings) ->
 
 def _places(rows: _Rows, settings: C45Settings) -> Iterator[Booleans]:
     """Yield the rows [N] at the root of C4.5's tree and at the tops of its staircases."""
-    everything = np.ones(len(rows.labels), dtype=bool)
-    yield everything
-    tree, _ = rows.tree(everything, settings)
-    below = tree.totals(np.eye(tree.n_leaves, dtype=np.int64)) > 0  # leaves below each node
+    tree, _ = rows.tree(np.ones(len(rows.labels), dtype=bool), settings)
     where = tree.leaf_index(rows.columns)
-    sizes = below.sum(axis=1)
-    for node in np.argsort(-sizes, kind="stable")[1 : 1 + MOST_PLACES].tolist():
-        if sizes[node] >= STAIRCASE:
-            yield below[node, where]
+    for below in tree.largest_subtrees(MOST_PLACES, least=STAIRCASE):
+        yield below[where]

@@ -173,6 +173,17 @@ class DecisionTree(Frozen):
             total[self.parent[node]] += total[node]
         return total
 
+    def largest_subtrees(self, most: int, *, least: int) -> Iterator[NDArray[np.bool_]]:
+        """Yield which leaves [L] are below the nodes with most leaves, the largest first.
+
+        The first is the root. At most ``most`` others follow, with at least ``least`` leaves each.
+        """
+        below = self.totals(np.eye(self.n_leaves, dtype=np.int64)) > 0
+        sizes = below.sum(axis=1)
+        for node in np.argsort(-sizes, kind="stable")[: 1 + most].tolist():
+            if node == 0 or sizes[node] >= least:
+                yield below[node]
+
     def preorder(self) -> Iterator[int]:
         """Yield all nodes, parent before left subtree before right subtree."""
         stack = [0]

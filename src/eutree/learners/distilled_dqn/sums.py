@@ -165,12 +165,10 @@ def _places(labels: Labels) -> Iterator[Labels]:
         labels.columns, labels.actions, n_classes=labels.values.shape[1],
         max_leaves=LARGE, weights=labels.weights,
     )  # fmt: skip
-    below = tree.totals(np.eye(tree.n_leaves, dtype=np.int64)) > 0
-    sizes, leaf = below.sum(axis=1), tree.leaf_index(labels.columns)
-    for node in np.argsort(-sizes, kind="stable")[: 1 + SUBTREES].tolist():
-        if node == 0 or sizes[node] >= STAIRCASE:
-            rows = np.flatnonzero(below[node, leaf])
-            yield labels.at(rows[:: -(-rows.size // LOOKED_AT)])
+    leaf = tree.leaf_index(labels.columns)
+    for below in tree.largest_subtrees(SUBTREES, least=STAIRCASE):
+        rows = np.flatnonzero(below[leaf])
+        yield labels.at(rows[:: -(-rows.size // LOOKED_AT)])
 
 
 def _grown(place: Labels, n_features: int) -> list[Floats]:
