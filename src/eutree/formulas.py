@@ -28,7 +28,6 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from eutree.arrays import Floats
 from eutree.errors import InvalidArgumentError, UnknownNameError, shown
 
 LARGEST_RATIO = 1e9
@@ -69,13 +68,20 @@ class Formula:
         for part in self.parts:
             yield from part
 
-    def compute(self, now: Sequence[Floats], last: Callable[[int], Floats]) -> Any:
+    def compute(
+        self,
+        now: Sequence[Any],
+        last: Callable[[int], Any],
+        operations: "Mapping[str, Callable[..., Any]] | None" = None,
+    ) -> Any:
         """Return the formula's values.
 
         Args:
-            now: The features before it, each of shape [...].
+            now: The features before it, each of shape [...], or what stands for such numbers.
             last: Gives the same of a feature, one step before.
+            operations: How to do each operation on these; by default as on arrays.
         """
+        operations = operations or _OPERATIONS
         if self.kind == "number":
             return np.float64(self.value)
         if self.kind == "feature":
@@ -83,7 +89,8 @@ class Formula:
         if self.kind == "last":
             return last(self.index)
         with np.errstate(all="ignore"):
-            return _OPERATIONS[self.kind](*(part.compute(now, last) for part in self.parts))
+            parts = [part.compute(now, last, operations) for part in self.parts]
+            return operations[self.kind](*parts)
 
     def written(self, write: Mapping[str, str], name: Callable[[int], str],
                 last: Callable[[int], str], number: Callable[[float], str]) -> str:  # fmt: skip

@@ -4,7 +4,7 @@ import gymnasium
 import numpy as np
 
 from eutree import DecisionTree, TreePolicy
-from eutree.interaction import describe
+from eutree.interaction import DerivedObservation, describe
 from eutree.schema import EnvironmentSpec
 
 POSITION, VELOCITY = 0, 1
@@ -14,9 +14,9 @@ SWITCH = (VELOCITY, 0.004999893717467785, LEFT, RIGHT)
 """C4.5's tree of fifteen demonstrations, seed 4 of docs/results/task-MountainCar.md."""
 
 
-def policy_of(nested, environment="MountainCar-v0", **arguments):
+def policy_of(nested, environment="MountainCar-v0", derived=(), **arguments):
     """Return the policy of a nested tuple."""
-    env = gymnasium.make(environment, **arguments)
+    env = DerivedObservation(gymnasium.make(environment, **arguments), derived)
     schema = describe(env)
     columns = {name: [] for name in ("feature", "threshold", "left", "right", "leaf")}
     actions = []

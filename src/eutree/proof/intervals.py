@@ -24,7 +24,7 @@ from dataclasses import dataclass
 from typing import Any, Union
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from eutree.arrays import Booleans, Floats, Integers
 from eutree.errors import InvalidArgumentError
@@ -231,6 +231,19 @@ def middle(low: Floats, high: Floats) -> Floats:
     """Return a number in the middle of two, as nearly as doubles allow."""
     found: Floats = low / 2 + high / 2
     return found
+
+
+def rounded(value: Intervals, precision: DTypeLike) -> Intervals:
+    """Return the doubles that numbers are once they have been of a type: rounding keeps order."""
+    with np.errstate(over="ignore"):
+        ends = [end.astype(precision).astype(np.float64) for end in (value.low, value.high)]
+    if not isinstance(value, Affine):
+        return Intervals(*ends)
+    kind, size = np.finfo(np.dtype(precision)), np.maximum(*map(np.abs, ends))
+    number = value.low == value.high
+    step = size * kind.eps + kind.smallest_subnormal  # infinite where the rounded number is
+    error = np.where(number, 0.0, (value.error + step) * _UP)
+    return Affine(np.where(number, ends[0], value.center), value.slope, error, value.doubt)
 
 
 def _either(truth: Truth, one: Intervals, other: Intervals, both: Intervals) -> Intervals:

@@ -23,6 +23,7 @@ from eutree.proof.certificate import Certificate
 from eutree.proof.intervals import Intervals, Truth, clip, cos, sin, where
 from eutree.proof.properties import EpisodeProperty
 from eutree.schema import EnvironmentSpec, Feature, Schema
+from eutree.trees.text import derived_features
 from eutree.validation import check_kind, check_listed, check_range
 
 State = Sequence[Intervals]  # one for each number of the state, each of N boxes
@@ -136,10 +137,27 @@ class Plant:
                 f"remembers {policy.history} observations and {policy.past_actions} actions"
             )
         env = self.make()
-        describe(env).check_same(policy.schema, "policy", of=str(self.environment))
+        seen, measured = describe(env).measured, policy.schema.measured
+        seen.check_same(measured, "policy", of=str(self.environment))
         env.close()
+        self._check_derived(policy)
         if not self.by_chance:
             self._check_moves(policy.schema.n_actions)
+
+    def _check_derived(self, policy: TreePolicy) -> None:
+        """Raise InvalidArgumentError for derived features that boxes do not tell."""
+        if not derived_features(policy.tree, policy.schema):
+            return
+        if policy.derivation.remembered:
+            raise InvalidArgumentError(
+                "a policy must decide by the present observation to be proven, got one with a "
+                "derived feature that asks for last(...)"
+            )
+        if type(self).certify is not Plant.certify:
+            raise InvalidArgumentError(
+                f"policy must decide by measured features to be proven in {self.environment}, "
+                "whose plant has a proof of its own, got a tree that asks for derived ones"
+            )
 
     def _check_moves(self, n_actions: int) -> None:
         """Raise InvalidArgumentError unless the starts are a box that every action moves."""

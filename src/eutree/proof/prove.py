@@ -77,7 +77,9 @@ def prove(
     horizon = EVER if horizon is None else horizon
     proof = _Proof(policy, plant, asked, horizon, effort or Effort())
     if horizon != EVER:
-        by_axes = bool(plant.axes) and asked.kind != "arrives"
+        # Layers are cut by the leaves' boxes, which are of measured features.
+        measured = not policy.derivation.formulas
+        by_axes = bool(plant.axes) and asked.kind != "arrives" and measured
         return proof.by_layers() if by_axes else proof.certificate()
     if asked.kind == "arrives":
         raise InvalidArgumentError(

@@ -8,18 +8,32 @@ every action that is possible in it, so it is still true of each of its starts t
 comes not before the earliest and not after the latest of these branches.
 """
 
-from collections.abc import Callable, Sequence
+import operator
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 
 from eutree.arrays import Booleans, Floats, Integers
 from eutree.errors import InvalidArgumentError
+from eutree.formulas import LARGEST_RATIO
 from eutree.policies import TreePolicy
 from eutree.policies.sklearn_tree import float64_thresholds
 from eutree.proof import _kernels
 from eutree.proof.certificate import NEVER, Pieces
-from eutree.proof.intervals import Affine, Doubt, Truth, middle
+from eutree.proof.intervals import (
+    Affine,
+    Doubt,
+    Intervals,
+    Truth,
+    clip,
+    maximum,
+    middle,
+    minimum,
+    rounded,
+    where,
+)
 from eutree.proof.plant import Plant, State
 
 MOST_ACTIONS = 64  # bits of a set of actions
@@ -60,17 +74,20 @@ class Acting:
                 f"a policy must have at most {MOST_ACTIONS} actions to be proven, got "
                 f"{policy.schema.n_actions}"
             )
-        nodes = policy.tree.nodes
+        nodes, self._derivation = policy.tree.nodes, policy.derivation
         if np.dtype(plant.precision) == np.float32:
             # The tree sees single precision: rounding is monotone, so a test of the rounded value
-            # is the test of the double itself at one other threshold.
-            nodes = nodes._replace(threshold=float64_thresholds(nodes.threshold))
+            # is the test of the double itself at one other threshold. What is derived are doubles.
+            measured = nodes.feature < self._derivation.n_measured
+            threshold = np.where(measured, float64_thresholds(nodes.threshold), nodes.threshold)
+            nodes = nodes._replace(threshold=threshold)
         self._nodes = _kernels.ActingNodes(nodes, policy.actions)
         self._plant = plant
 
     def __call__(self, state: State) -> Integers:
         """Return which actions are possible in boxes, a bit for each action, shape [N]."""
-        seen = self._plant.observe(state)
+        seen = [*self._plant.observe(state)]
+        seen += self._derived(seen)
         size = np.shape(state[0].low)
         low, high = (
             np.stack([np.broadcast_to(getattr(one, end), size) for one in seen], axis=1)
@@ -79,6 +96,30 @@ class Acting:
         found = np.empty(size, dtype=np.uint64)
         _kernels.decide(self._nodes, low, high, found)
         return found.view(np.int64)
+
+    def _derived(self, measured: State) -> list[Intervals]:
+        """Return what is derived of the numbers that the tree sees of the measured ones."""
+        formulas, known = self._derivation.formulas, [*measured]
+        if formulas:
+            known = [rounded(Intervals.of(one), self._plant.precision) for one in measured]
+        for formula in formulas:  # none that the tree asks for has a last(...): Plant.check_fits
+            found = formula.compute(known, known.__getitem__, _OPERATIONS)
+            known.append(Intervals.of(found))
+        return known[len(measured) :]
+
+
+def _ratio(one: Intervals, other: Intervals) -> Intervals:
+    return clip(Intervals.of(one) / other, -LARGEST_RATIO, LARGEST_RATIO)
+
+
+# Of formulas, on intervals.
+_OPERATIONS: Mapping[str, Callable[..., Any]] = {
+    "+": operator.add, "-": operator.sub, "*": operator.mul, "negative": operator.neg,
+    "/": _ratio, "min": minimum, "max": maximum, "abs": lambda a: maximum(a, -a), "if": where,
+    "<": lambda a, b: Intervals.of(a) < b, "<=": lambda a, b: Intervals.of(a) <= b,
+    ">": lambda a, b: Intervals.of(a) > b, ">=": lambda a, b: Intervals.of(a) >= b,
+    "and": operator.and_, "or": operator.or_,
+}  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)

@@ -57,12 +57,17 @@ def replay(
     observation = plant.put(env, start)
     states, over = [plant.state_of(env)], False
     while not over and len(states) <= steps:
-        action = policy.act(np.asarray(observation, dtype=np.float64).tolist())
+        action = _chosen(policy, observation)
         observation, _, over, _, _ = env.unwrapped.step(action)
         states.append(plant.state_of(env))
     if made is None:
         env.close()
     return Trajectory(np.array(states), bool(over))
+
+
+def _chosen(policy: TreePolicy, observation: Any) -> int:
+    measured = np.asarray(observation, dtype=np.float64)
+    return policy.act(policy.derivation.rows(measured).tolist())
 
 
 def breaking_seed(
@@ -81,7 +86,7 @@ def breaking_seed(
         observation, _ = env.reset(seed=seed)
         over, steps = False, 0
         while not over and steps < _MOST_STEPS:
-            action = policy.act(np.asarray(observation, dtype=np.float64).tolist())
+            action = _chosen(policy, observation)
             observation, _, terminated, truncated, _ = env.step(action)
             over, steps = terminated or truncated, steps + 1
             state = [Intervals.of(x) for x in plant.state_of(env)[:, None]]
