@@ -9,7 +9,8 @@ the settings of ``src/eutree/zoo/settings/TASK.toml`` for the steps that are lef
 count). The tree has at most so many leaves, and 200 fresh episodes say what it earns. What sizes
 have in common is learned once, and counted in each (``benchmarks/common_part.py``).
 ``derived`` does the same with the settings of ``TASK-derived.toml``, which declare features.
-``sums`` does it with the task's own settings and ``sums = 3``: no person declares anything.
+``sums`` lets trees ask for three weighted sums that the run finds: no person declares anything.
+For the others ``sums`` is 0, whatever the settings say: their trees ask for raw numbers.
 ``dagger`` and ``viper`` make trees (CART) of a DQN of Stable-Baselines3 with the settings of its
 zoo, which has four fifths of the steps; all its steps count. ``network`` is that DQN with all of
 them: the line above. A task that its zoo does not know has the settings of Acrobot there.
@@ -58,7 +59,7 @@ ROWS = ROOT / "docs" / "results" / "table"
 STEPS, LEAVES = (10_000, 50_000, 100_000), (4, 8, 16, 32)
 SEEDS, FIRST, FINAL_EPISODES = 10, 20_000, 200
 OURS = ("eutree", "derived", "sums")
-CHANGES = {"sums": ("sums=3",)}  # of the settings
+SUMS = {"sums": 3}  # that trees may ask for; of the others none
 STUDENTS = ("dagger", "viper")
 ROUNDS, TEACHERS = 8, 0.8  # of DAgger and VIPER; the share of the steps that their teacher takes
 COLUMNS = ("who", "task", "steps", "leaves", "seed", "return", "error", "success", "worst",
@@ -130,9 +131,9 @@ class Settings:
     @classmethod
     def of(cls, task: str, who: str = "eutree") -> "Settings":
         path = zoo.settings_of(settings_name(task, who))
-        method = chosen_method(
-            None, offline=False, settings=path, changes=CHANGES.get(who, ()), discount=None
-        )
+        method = chosen_method(None, offline=False, settings=path, changes=(), discount=None)
+        if hasattr(method, "sums"):
+            method = replace(method, sums=SUMS.get(who, 0))
         run = RunSettings.of(path)
         script = script_of(task, str(run.expert))
         return cls(method, script, run.demonstrations, run.race_share, dict(run.arguments),

@@ -273,10 +273,10 @@ challengers than they had episodes for](../decisions/distilled-dqn.md).
 
 `derived` is eutree with the [derived features](../derived-features.md) that the settings
 `zoo:TASK-derived` declare, which somebody who knows the task wrote down; its sizes are beside the
-others', which have the raw numbers alone. `sums` is eutree with the settings of the task and `--set
-sums=3`: trees may ask for [weighted sums](../small-trees.md#sums-of-features) that the run finds in
-the labels of its network, too. Nobody declares anything there. Its rows from before 993eb04f took
-no sum that did not save two standard errors, and so went without some good ones.
+others', which have the raw numbers alone (`--set sums=0`). `sums` is eutree with `--set sums=3`:
+trees may ask for [weighted sums](../small-trees.md#sums-of-features) that the run finds in the
+labels of its network, too. Nobody declares anything there. Its rows from before 993eb04f took no
+sum that did not save two standard errors, and so went without some good ones.
 
 `dagger` and `viper` are CART by DAgger and VIPER from a DQN of Stable-Baselines3, with its zoo's
 settings and four fifths of the steps; `network` is that DQN with all of them and no tree at all. A

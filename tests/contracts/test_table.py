@@ -125,6 +125,17 @@ def test_who_has_derived_features_is_told_apart_and_its_trees_too() -> None:
     assert [one.partition(" = ")[0] for one in declared] == ["tilt", "drop"]
 
 
+def test_rows_of_raw_numbers_have_no_sums_whatever_the_settings_say() -> None:
+    method = table.chosen_method(
+        None, offline=False, settings=table.zoo.settings_of("LunarLander-v3"), changes=(),
+        discount=None,
+    )  # fmt: skip
+    assert method.sums == table.Settings.of("LunarLander-v3", "sums").method.sums == 3
+    for who in ("eutree", "derived"):
+        assert table.Settings.of("LunarLander-v3", who).method.sums == 0
+    assert table.Settings.of("Acrobot-v1", "sums").method.sums == 3
+
+
 def test_a_task_is_compared_with_the_last_release_that_has_it(tmp_path: Path) -> None:
     for name, tasks in (("001.csv", ("A", "B")), ("002.csv", ("B",))):
         lines = ["task,return", *(f"{task},{name[:3]}" for task in tasks)]
