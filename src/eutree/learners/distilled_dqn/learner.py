@@ -321,7 +321,7 @@ class DistilledDQNLearner:
             self.stage = Stage.RACE
             if self._method.sums and self._students.sums is None:
                 earned["sums"] = self._students.find_sums(
-                    self.history.observations, self._method.sums, self._method.max_leaves
+                    self.history.observations, self._method.sums
                 )
             return earned | self._propose(generator)
         return earned | {"labels": self.dagger.next_round(self.steps)}

@@ -5,8 +5,8 @@ staircase of tests. So sums are looked for where a tree that copies the teacher 
 root and at its largest subtrees. A sum begins with a feature that tells the teacher's actions apart
 there and takes one more at a time, with the weight at which its best test takes away most entropy.
 Weights are rounded to two digits, for people read them. Of all sums found, that one is taken with
-which trees of half of the labels, of the size that is wanted, lose least of what the teacher
-expects on the other half; the next is looked for beside it. Nothing here is chance.
+which trees of half of the labels lose least of what the teacher expects on the other half; the next
+is looked for beside it. Nothing here is chance.
 """
 
 import math
@@ -21,7 +21,7 @@ from eutree.cart import grow_cart
 from eutree.formulas import in_formula
 from eutree.schema import Schema
 
-MOST_LEAVES = 16  # of the trees that are compared, where larger ones are allowed
+LEAVES = 16  # of the trees that are compared, whatever size is allowed
 LARGE, SUBTREES, STAIRCASE = 32, 5, 4  # leaves of the tree looked at, its subtrees, their leaves
 LOOKED_AT = 4000  # labels in each place
 BEGUN = 3  # features that a sum is begun with
@@ -95,13 +95,12 @@ class Labels:
         """Return by how many bits the best test of each column tells actions apart."""
         return best_reductions(np.ascontiguousarray(columns), self.actions, self.weights)
 
-    def losses(self, leaves: int, column: Floats | None = None) -> Floats:
+    def losses(self, column: Floats | None = None) -> Floats:
         """Return what trees lose of the teacher's values, the mean of each block of labels.
 
         Each of two trees is fitted to every other block and decides in those between.
 
         Args:
-            leaves: Most leaves of theirs.
             column: One more column that they may ask for, shape [N].
         """
         columns = self.columns if column is None else np.column_stack([self.columns, column])
@@ -111,7 +110,7 @@ class Labels:
             known, other = self.at(half), self.at(~half)
             tree, actions = grow_cart(
                 columns[half], known.actions, n_classes=self.values.shape[1],
-                max_leaves=leaves, weights=known.weights,
+                max_leaves=LEAVES, weights=known.weights,
             )  # fmt: skip
             chosen = actions[tree.leaf_index(columns[~half])]
             rows = np.arange(chosen.size)
@@ -121,24 +120,22 @@ class Labels:
         return means
 
 
-def found_sums(labels: Labels, most: int, max_leaves: int = MOST_LEAVES) -> Sums:
+def found_sums(labels: Labels, most: int) -> Sums:
     """Return the sums of features that shorten trees of labels, at most so many.
 
     Args:
         labels: With the features alone as columns, in the order in which they were met.
         most: Most sums.
-        max_leaves: Most leaves of the trees that are to be shortened: what helps a large one most
-            may be of no use to a small one, which asks few questions.
     """
-    features, leaves = labels.columns, min(max_leaves, MOST_LEAVES)
+    features = labels.columns
     sums = Sums(np.empty((0, features.shape[1])))
     if len(features) < 2 * BLOCK:
         return sums
-    losses = labels.losses(leaves)
+    losses = labels.losses()
     while len(sums) < most:
         grown = [sum_ for place in _places(labels) for sum_ in _grown(place, features.shape[1])]
         tried = {
-            weights: labels.losses(leaves, Sums(np.array([weights])).behind(features)[:, -1])
+            weights: labels.losses(Sums(np.array([weights])).behind(features)[:, -1])
             for weights in dict.fromkeys(map(_rounded, grown))
         }
         best = min(tried, key=lambda weights: float(tried[weights].mean()), default=None)

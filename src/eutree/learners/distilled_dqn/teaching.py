@@ -100,12 +100,11 @@ class Students:
         self._labels: Integers = np.empty(0, dtype=np.int64)
         self._gaps: Floats = np.empty(0)
 
-    def find_sums(self, observations: Floats, most: int, max_leaves: int) -> int:
+    def find_sums(self, observations: Floats, most: int) -> int:
         """Find weighted sums of features that shorten copies of the teacher; return how many."""
         self._label(observations)
         rows = observations[self._first :]
-        labels = Labels(rows, self._labels, self._action_values(rows))
-        self.sums = found_sums(labels, most, max_leaves)
+        self.sums = found_sums(Labels(rows, self._labels, self._action_values(rows)), most)
         return len(self.sums)
 
     def seen(self, observations: Floats) -> Floats:
