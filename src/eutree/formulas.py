@@ -39,6 +39,7 @@ _TOKEN = re.compile(
     r"|(?P<sign><=|>=|[-+*/(),<>])|(?P<wrong>\S))"
 )
 _WORDS = frozenset({"min", "max", "abs", "last", "if", "else", "and", "or"})
+_RANKS = {"if": 0, "+": 1, "-": 1, "*": 2, "/": 2, "negative": 3}  # what binds more closely
 _TESTS: Mapping[str, Callable[[Any, Any], Any]] = {
     "<": np.less, "<=": np.less_equal, ">": np.greater, ">=": np.greater_equal,
     "and": np.logical_and, "or": np.logical_or,
@@ -182,18 +183,30 @@ def in_formula(name: str) -> str:
 
 
 def renamed(text: str, names: Sequence[str], others: Sequence[str]) -> str:
-    """Return a formula with other names for the features, written as they stand here."""
-    formula, templates = parse(text, names), {sign: f"({{0}} {sign} {{1}})" for sign in "+-*/"}
-    templates |= {sign: f"{{0}} {sign} {{1}}" for sign in _TESTS}
-    templates |= {word: f"{word}({{0}}, {{1}})" for word in ("min", "max")}
-    templates |= {"if": "({1} if {0} else {2})", "abs": "abs({0})", "negative": "-{0}"}
-    words = formula.written(
-        templates,
-        name=lambda index: others[index],
-        last=lambda index: f"last({others[index]})",
-        number=lambda value: f"{value:g}" if float(f"{value:g}") == value else repr(value),
-    )
-    return words[1:-1] if formula.kind in {*"+-*/", "if"} else words
+    """Return a formula with other names for the features, written as they stand here.
+
+    It has the brackets that it needs: what it is made of is parsed again as it was.
+    """
+
+    def words(one: Formula, least: int = 0) -> str:
+        rank = _RANKS.get(one.kind, 4)
+        if one.kind == "number":
+            found = f"{one.value:g}" if float(f"{one.value:g}") == one.value else repr(one.value)
+        elif not one.parts:
+            found = others[one.index] if one.kind == "feature" else f"last({others[one.index]})"
+        elif one.kind in {"min", "max", "abs"}:
+            found = f"{one.kind}({', '.join(map(words, one.parts))})"
+        elif one.kind == "negative":
+            found = f"-{words(one.parts[0], rank)}"
+        elif one.kind == "if":
+            condition, then, otherwise = one.parts
+            found = f"{words(then, 1)} if {words(condition)} else {words(otherwise)}"
+        else:
+            ranks = (1, 1) if one.kind in _TESTS else (rank, rank + 1)
+            found = f" {one.kind} ".join(map(words, one.parts, ranks))
+        return f"({found})" if rank < least else found
+
+    return words(parse(text, names))
 
 
 class _FormulaParser:

@@ -174,3 +174,39 @@ def test_formulas_follow_new_names():
         '"way to go" / v',
         "gap - last(gap)",
     ]
+
+
+def bracketed(parts):
+    """Return a strategy of formulas with brackets around every part."""
+    pairs = st.tuples(parts, parts)
+    tests = st.tuples(parts, st.sampled_from(["<", "<=", ">", ">="]), parts).map(" ".join)
+    conditions = st.tuples(tests, st.sampled_from(["and", "or"]), tests, st.booleans()).map(
+        lambda one: " ".join(one[:3]) if one[3] else one[0]
+    )
+    return st.one_of(
+        st.tuples(pairs, st.sampled_from("+-*/")).map(
+            lambda one: f"({one[0][0]} {one[1]} {one[0][1]})"
+        ),
+        pairs.map(lambda one: f"min({one[0]}, {one[1]})"),
+        parts.map(lambda one: f"(-{one})"),
+        parts.map(lambda one: f"abs({one})"),
+        st.tuples(pairs, conditions).map(lambda one: f"({one[0][0]} if {one[1]} else {one[0][1]})"),
+    )
+
+
+@given(
+    st.recursive(
+        st.sampled_from(["a", "b", '"c d"', "last(a)", "2", "0.1"]), bracketed, max_leaves=12
+    )
+)
+def test_a_formula_with_the_brackets_that_it_needs_is_the_same_formula(text):
+    names = ("a", "b", "c d")
+    short = renamed(text, names, [in_formula(name) for name in names])
+    assert parse(short, names) == parse(text, names)
+    assert short.count("(") <= text.count("(")
+
+
+def test_what_binds_as_it_is_read_has_no_brackets():
+    names = ("x", "y", "turn rate")
+    text = '((x - (0.5 * y)) + (2.6 * "turn rate")) - (x - (y - x))'
+    assert renamed(text, names, names) == "x - 0.5 * y + 2.6 * turn rate - (x - (y - x))"
