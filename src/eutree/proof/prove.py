@@ -28,6 +28,7 @@ from eutree.proof.plant import Plant, State
 from eutree.proof.properties import EVER, EpisodeProperty, parse
 from eutree.proof.reach import Acting, Effort, Reach
 from eutree.proof.replay import MOST_BOXES, breaking_seed, replay, starts_among
+from eutree.trees.text import derived_features
 from eutree.validation import check_kind
 
 _TRIES = 20  # starts of undecided pieces that are replayed
@@ -78,7 +79,7 @@ def prove(
     proof = _Proof(policy, plant, asked, horizon, effort or Effort())
     if horizon != EVER:
         # Layers are cut by the leaves' boxes, which are of measured features.
-        measured = not policy.derivation.formulas
+        measured = not derived_features(policy.tree, policy.schema)
         by_axes = bool(plant.axes) and asked.kind != "arrives" and measured
         return proof.by_layers() if by_axes else proof.certificate()
     if asked.kind == "arrives":
