@@ -35,6 +35,7 @@ from eutree.proof.intervals import (
     where,
 )
 from eutree.proof.plant import Plant, State
+from eutree.trees.text import derived_features
 
 MOST_ACTIONS = 64  # bits of a set of actions
 _AT_ONCE = 1 << 14  # boxes that are moved together: their arrays stay in the cache
@@ -74,11 +75,13 @@ class Acting:
                 f"a policy must have at most {MOST_ACTIONS} actions to be proven, got "
                 f"{policy.schema.n_actions}"
             )
-        nodes, self._derivation = policy.tree.nodes, policy.derivation
+        nodes, derivation = policy.tree.nodes, policy.derivation
+        is_asked = bool(derived_features(policy.tree, policy.schema))
+        self._formulas = derivation.formulas if is_asked else ()
         if np.dtype(plant.precision) == np.float32:
             # The tree sees single precision: rounding is monotone, so a test of the rounded value
             # is the test of the double itself at one other threshold. What is derived are doubles.
-            measured = nodes.feature < self._derivation.n_measured
+            measured = nodes.feature < derivation.n_measured
             threshold = np.where(measured, float64_thresholds(nodes.threshold), nodes.threshold)
             nodes = nodes._replace(threshold=threshold)
         self._nodes = _kernels.ActingNodes(nodes, policy.actions)
@@ -86,8 +89,9 @@ class Acting:
 
     def __call__(self, state: State) -> Integers:
         """Return which actions are possible in boxes, a bit for each action, shape [N]."""
-        seen = [*self._plant.observe(state)]
-        seen += self._derived(seen)
+        seen = self._plant.observe(state)
+        if self._formulas:
+            seen = [*seen, *self._derived(seen)]
         size = np.shape(state[0].low)
         low, high = (
             np.stack([np.broadcast_to(getattr(one, end), size) for one in seen], axis=1)
@@ -99,10 +103,8 @@ class Acting:
 
     def _derived(self, measured: State) -> list[Intervals]:
         """Return what is derived of the numbers that the tree sees of the measured ones."""
-        formulas, known = self._derivation.formulas, [*measured]
-        if formulas:
-            known = [rounded(Intervals.of(one), self._plant.precision) for one in measured]
-        for formula in formulas:  # none that the tree asks for has a last(...): Plant.check_fits
+        known = [rounded(Intervals.of(one), self._plant.precision) for one in measured]
+        for formula in self._formulas:  # none of them has a last(...): see Plant.check_fits
             found = formula.compute(known, known.__getitem__, _OPERATIONS)
             known.append(Intervals.of(found))
         return known[len(measured) :]

@@ -67,7 +67,7 @@ def replay(
 
 def _chosen(policy: TreePolicy, observation: Any) -> int:
     measured = np.asarray(observation, dtype=np.float64)
-    return policy.act(policy.derivation.rows(measured).tolist())
+    return policy.act(policy.derivation.behind(measured).tolist())
 
 
 def breaking_seed(
