@@ -29,6 +29,7 @@ from PIL import Image
 import eutree
 from eutree import zoo
 from eutree.interaction.making import make
+from eutree.trees.text import derived_features
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
@@ -40,8 +41,8 @@ WIDTH, FRAMES, FRAME_MS, COLOURS = 240, 60, 100, 64
 DECISIONS, REPEATS, HIDDEN = 2000, 7, 64
 # How a derived feature is computed where it is asked for; a formula with more has no such program.
 OPERATIONS = {
-    "+": "({0}+{1})", "-": "({0}-{1})", "*": "({0}*{1})", "negative": "(-{0})",
-    "min": "min({0},{1})", "max": "max({0},{1})", "abs": "abs({0})",
+    "+": "({}+{})".format, "-": "({}-{})".format, "*": "({}*{})".format, "negative": "(-{})".format,
+    "min": "min({},{})".format, "max": "max({},{})".format, "abs": "abs({})".format, "number": repr,
 }  # fmt: skip
 
 
@@ -49,18 +50,17 @@ def play_program(policy: eutree.TreePolicy) -> str:
     """Return a program of one line that decides like a tree; NaN fails every test here too."""
     tree, measured = policy.tree, policy.derivation.n_measured
 
-    def asked(feature: int) -> str:
-        if feature < measured:
-            return f"x[{feature}]"
-        formula = policy.derivation.formulas[feature - measured]
-        return formula.written(OPERATIONS, asked, no_last, repr)
+    names = {feature: f"x[{feature}]" for feature in range(measured)}
+    for j in derived_features(tree, policy.schema):
+        formula = policy.derivation.formulas[j - measured]
+        names[j] = formula.compute(names, no_last, OPERATIONS)
 
     def written(node: int) -> str:
         if tree.leaf[node] != tree.NO_LEAF:
             return str(int(policy.actions[tree.leaf[node]]))
         yes, no = written(int(tree.left[node])), written(int(tree.right[node]))
         yes = f"({yes})" if "if" in yes else yes
-        test = f"{asked(int(tree.feature[node]))}<={float(tree.threshold[node])!r}"
+        test = f"{names[tree.feature[node]]}<={float(tree.threshold[node])!r}"
         return f"{yes} if {test} else {no}"
 
     return f"def play(x):return {written(0)}\n"

@@ -19,6 +19,7 @@ IEEE 754; ``last`` is the value at the step before, and at an episode's first st
 that bound with the sign of x, and ``0 / 0`` is 0.
 """
 
+import itertools
 import json
 import math
 import re
@@ -39,7 +40,7 @@ _TOKEN = re.compile(
     r"|(?P<sign><=|>=|[-+*/(),<>])|(?P<wrong>\S))"
 )
 _WORDS = frozenset({"min", "max", "abs", "last", "if", "else", "and", "or"})
-_RANKS = {"if": 0, "+": 1, "-": 1, "*": 2, "/": 2, "negative": 3}  # what binds more closely
+_RANKS, _ALONE = {"+": 1, "-": 1, "*": 2, "/": 2}, 4  # what binds more closely
 _TESTS: Mapping[str, Callable[[Any, Any], Any]] = {
     "<": np.less, "<=": np.less_equal, ">": np.greater, ">=": np.greater_equal,
     "and": np.logical_and, "or": np.logical_or,
@@ -75,16 +76,17 @@ class Formula:
         last: Callable[[int], Any],
         operations: "Mapping[str, Callable[..., Any]] | None" = None,
     ) -> Any:
-        """Return the formula's values.
+        """Return the formula's values, or what it is in words.
 
         Args:
             now: The features before it, each of shape [...], or what stands for such numbers.
             last: Gives the same of a feature, one step before.
-            operations: How to do each operation on these; by default as on arrays.
+            operations: How to do each operation on these, and what a ``"number"`` is among them;
+                by default as on arrays.
         """
         operations = operations or _OPERATIONS
         if self.kind == "number":
-            return np.float64(self.value)
+            return operations["number"](self.value)
         if self.kind == "feature":
             return now[self.index]
         if self.kind == "last":
@@ -92,23 +94,6 @@ class Formula:
         with np.errstate(all="ignore"):
             parts = [part.compute(now, last, operations) for part in self.parts]
             return operations[self.kind](*parts)
-
-    def written(self, write: Mapping[str, str], name: Callable[[int], str],
-                last: Callable[[int], str], number: Callable[[float], str]) -> str:  # fmt: skip
-        """Return the formula in a language.
-
-        Args:
-            write: A template for each operation, its parts as ``{0}``, ``{1}``, ``{2}``.
-            name: How a feature is written.
-            last: How the last value of a feature is written.
-            number: How a number is written.
-        """
-        if self.kind == "number":
-            return number(self.value)
-        if not self.parts:
-            return (name if self.kind == "feature" else last)(self.index)
-        parts = [part.written(write, name, last, number) for part in self.parts]
-        return write[self.kind].format(*parts)
 
     def unit(self, units: Sequence[str]) -> str:
         """Return the unit that follows from those of the features; empty where none does."""
@@ -144,8 +129,42 @@ _OPERATIONS: Mapping[str, Callable[..., Any]] = {
     **_TESTS,
     "+": np.add, "-": np.subtract, "*": np.multiply, "/": _ratio, "negative": np.negative,
     "min": lambda a, b: np.where(b < a, b, a), "max": lambda a, b: np.where(b > a, b, a),
-    "abs": lambda a: np.where(a < 0.0, -a, a), "if": np.where,
+    "abs": lambda a: np.where(a < 0.0, -a, a), "if": np.where, "number": np.float64,
 }  # fmt: skip
+_LEAST = 5e-324  # the smallest double above 0
+
+
+def _on_ranges(kind: str, operation: Callable[..., Any]) -> Callable[..., Any]:
+    """Return an operation on ranges, which are pairs of a least and a greatest value.
+
+    On either side of 0 each operation, rounded or not, rises or falls with each of its operands.
+    So its ends are among its results at theirs, and around 0 for those that turn or jump there.
+    """
+
+    def compute(*parts: Any) -> Any:
+        ends = [part if isinstance(part, tuple) else (part, part) for part in parts]
+        if kind in {"/", "abs"}:
+            ends = [(*end, *(np.clip(at, *end) for at in (-_LEAST, 0.0, _LEAST))) for end in ends]
+        found = np.stack(
+            np.broadcast_arrays(*itertools.starmap(operation, itertools.product(*ends)))
+        )
+        if found.dtype == bool:
+            return found.all(axis=0), found.any(axis=0)
+        unknown = np.isnan(found).any(axis=0)
+        return (
+            np.where(unknown, -np.inf, found.min(axis=0)),
+            np.where(unknown, np.inf, found.max(axis=0)),
+        )
+
+    return compute
+
+
+# For ``compute``, with ranges [...] in place of numbers: the doubles that it gives for any numbers
+# within. They are exact where a formula names each feature once, else they may be wider.
+ON_RANGES: Mapping[str, Callable[..., Any]] = {
+    **{kind: _on_ranges(kind, operation) for kind, operation in _OPERATIONS.items()},
+    "number": lambda value: (np.float64(value),) * 2,
+}
 
 
 def declared(text: str) -> tuple[str, str]:
@@ -187,26 +206,35 @@ def renamed(text: str, names: Sequence[str], others: Sequence[str]) -> str:
 
     It has the brackets that it needs: what it is made of is parsed again as it was.
     """
+    now = [(other, _ALONE) for other in others]
+    found: tuple[str, int] = parse(text, names).compute(
+        now, lambda j: (f"last({others[j]})", _ALONE), _IN_WORDS
+    )
+    return found[0]
 
-    def words(one: Formula, least: int = 0) -> str:
-        rank = _RANKS.get(one.kind, 4)
-        if one.kind == "number":
-            found = f"{one.value:g}" if float(f"{one.value:g}") == one.value else repr(one.value)
-        elif not one.parts:
-            found = others[one.index] if one.kind == "feature" else f"last({others[one.index]})"
-        elif one.kind in {"min", "max", "abs"}:
-            found = f"{one.kind}({', '.join(map(words, one.parts))})"
-        elif one.kind == "negative":
-            found = f"-{words(one.parts[0], rank)}"
-        elif one.kind == "if":
-            condition, then, otherwise = one.parts
-            found = f"{words(then, 1)} if {words(condition)} else {words(otherwise)}"
-        else:
-            ranks = (1, 1) if one.kind in _TESTS else (rank, rank + 1)
-            found = f" {one.kind} ".join(map(words, one.parts, ranks))
-        return f"({found})" if rank < least else found
 
-    return words(parse(text, names))
+def _within(part: tuple[str, int], least: int) -> str:
+    """Return a part as it stands in another one, which needs what binds at least so closely."""
+    return f"({part[0]})" if part[1] < least else part[0]
+
+
+def _joined(kind: str, rank: int, *ranks: int) -> Callable[..., tuple[str, int]]:
+    return lambda *parts: (f" {kind} ".join(map(_within, parts, ranks)), rank)
+
+
+def _called(kind: str) -> Callable[..., tuple[str, int]]:
+    return lambda *parts: (f"{kind}({', '.join(text for text, _ in parts)})", _ALONE)
+
+
+# For ``compute``: the text of each part, and how closely it binds.
+_IN_WORDS: Mapping[str, Callable[..., tuple[str, int]]] = {
+    **{kind: _joined(kind, _ALONE, 1, 1) for kind in _TESTS},
+    **{kind: _joined(kind, rank, rank, rank + 1) for kind, rank in _RANKS.items()},
+    **{kind: _called(kind) for kind in ("min", "max", "abs")},
+    "number": lambda at: (f"{at:g}" if float(f"{at:g}") == at else repr(at), _ALONE),
+    "negative": lambda part: (f"-{_within(part, 3)}", 3),
+    "if": lambda test, yes, no: (f"{_within(yes, 1)} if {test[0]} else {no[0]}", 0),
+}
 
 
 class _FormulaParser:

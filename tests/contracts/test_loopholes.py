@@ -56,6 +56,7 @@ MIDDLES = {
     "eutree_lab.vrd.kuhn": "boxes are halved, whatever lies in them",
     "eutree_lab.tasks.puck": "a constant of the task",
     "eutree.evaluation.evaluation": "bisection",
+    "eutree.inspection.occurring": "boxes are halved, whatever lies in them",
     "eutree.export.drawing": "places on paper",
     "eutree.export.c": "points to test exports at",
     "eutree.inspection.regions": "a point inside a box, whose sides may be infinite",

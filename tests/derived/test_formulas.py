@@ -11,6 +11,7 @@ from eutree.errors import InvalidArgumentError, UnknownNameError
 from eutree.features import Derivation
 from eutree.formulas import LARGEST_RATIO, in_formula, parse, renamed
 from eutree.schema import Feature, Schema
+from tests.random_formulas import formulas_of
 
 NAMES = ("a", "b", "turn rate", "lidar.x0")
 ROAD = Schema((Feature("distance", "m"), Feature("speed", "m/s"), Feature("level")), ("go",))
@@ -176,29 +177,7 @@ def test_formulas_follow_new_names():
     ]
 
 
-def bracketed(parts):
-    """Return a strategy of formulas with brackets around every part."""
-    pairs = st.tuples(parts, parts)
-    tests = st.tuples(parts, st.sampled_from(["<", "<=", ">", ">="]), parts).map(" ".join)
-    conditions = st.tuples(tests, st.sampled_from(["and", "or"]), tests, st.booleans()).map(
-        lambda one: " ".join(one[:3]) if one[3] else one[0]
-    )
-    return st.one_of(
-        st.tuples(pairs, st.sampled_from("+-*/")).map(
-            lambda one: f"({one[0][0]} {one[1]} {one[0][1]})"
-        ),
-        pairs.map(lambda one: f"min({one[0]}, {one[1]})"),
-        parts.map(lambda one: f"(-{one})"),
-        parts.map(lambda one: f"abs({one})"),
-        st.tuples(pairs, conditions).map(lambda one: f"({one[0][0]} if {one[1]} else {one[0][1]})"),
-    )
-
-
-@given(
-    st.recursive(
-        st.sampled_from(["a", "b", '"c d"', "last(a)", "2", "0.1"]), bracketed, max_leaves=12
-    )
-)
+@given(formulas_of("a", "b", '"c d"', "last(a)", "2", "0.1"))
 def test_a_formula_with_the_brackets_that_it_needs_is_the_same_formula(text):
     names = ("a", "b", "c d")
     short = renamed(text, names, [in_formula(name) for name in names])

@@ -150,7 +150,7 @@ def verify(
                 figures_of(answer, "property holds share")
                 | {
                     "counter_examples": [
-                        figures_of(example, "words leaf point raised share")
+                        figures_of(example, "words leaf point raised share occurs")
                         | figures_of(example.region, "low high")
                         | {"action": loaded.schema.actions[example.action]}
                         for example in answer.counter_examples

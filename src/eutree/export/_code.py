@@ -158,16 +158,20 @@ def remembered_features(policy: TreePolicy) -> list[int]:
 
 def formulas(
     policy: TreePolicy,
-    write: Mapping[str, str],
-    name: Callable[[int], str],
+    write: Mapping[str, Callable[..., str]],
+    names: Sequence[str],
     last: Callable[[int], str],
-    number: Callable[[float], str],
 ) -> list[tuple[int, str]]:
-    """Return the derived features that exported code has to compute, and how; see ``written``."""
+    """Return the derived features that exported code has to compute, and how.
+
+    Args:
+        policy: The policy to export.
+        write: The result of ``operations``.
+        names: How each feature is written.
+        last: How the last value of a feature is written.
+    """
     first, found = policy.derivation.n_measured, policy.derivation.formulas
-    return [
-        (j, found[j - first].written(write, name, last, number)) for j in exported_features(policy)
-    ]
+    return [(j, found[j - first].compute(names, last, write)) for j in exported_features(policy)]
 
 
 def block(tree: DecisionTree, syntax: Syntax, root: int, *, indent: int) -> list[str]:
@@ -182,16 +186,19 @@ def called(lines: list[str], functions: Functions) -> list[str]:
     return [line for name, body in functions.items() if name in names for line in body]
 
 
-def operations(name: str, choice: str, both: str, either: str) -> dict[str, str]:
+def operations(
+    name: str, number: Callable[[float], str], choice: str, both: str, either: str
+) -> dict[str, Callable[..., str]]:
     """Return how each operation is written where functions are called ``NAME_ratio(a, b)``.
 
     Args:
         name: Beginning of the functions' names.
+        number: How a number is written.
         choice: The choice between {1}, where {0} holds, and {2}.
         both: The word for "and".
         either: The word for "or".
     """
-    return {
+    write = {
         "+": "({0} + {1})", "-": "({0} - {1})", "*": "({0} * {1})",
         "/": f"{name}_ratio({{0}}, {{1}})", "negative": "(-{0})", "if": choice,
         "min": f"{name}_least({{0}}, {{1}})", "max": f"{name}_most({{0}}, {{1}})",
@@ -199,6 +206,7 @@ def operations(name: str, choice: str, both: str, either: str) -> dict[str, str]
         "or": f"({{0}} {either} {{1}})",
         **{sign: f"({{0}} {sign} {{1}})" for sign in ("<", "<=", ">", ">=")},
     }  # fmt: skip
+    return {"number": number, **{kind: template.format for kind, template in write.items()}}
 
 
 def functions(language: str, name: str) -> Functions:

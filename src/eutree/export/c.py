@@ -212,15 +212,14 @@ def _function(policy: TreePolicy, name: str, kind: Numbers, root: int) -> list[s
 def _entry(policy: TreePolicy, name: str, kind: Numbers) -> list[str]:
     """Return the entry point that computes the derived features, with the functions it needs."""
     first, remembered = policy.derivation.n_measured, code.remembered_features(policy)
-    operators = code.operations(name, "({0} ? {1} : {2})", "&&", "||")
-    operators["*"] = f"{name}_times({{0}}, {{1}})"
-
-    names = "features[{}]".format, "last[{}]".format
+    operators = code.operations(name, hexadecimal, "({0} ? {1} : {2})", "&&", "||")
+    operators["*"] = f"{name}_times({{0}}, {{1}})".format
     features = policy.schema.features
+    names = [f"features[{j}]" for j in range(len(features))]
     lines = [f"    features[{j}] = {kind.measured(j)};" for j in range(first)]
     computed = [
         f"    features[{j}] = {formula}; /* {text.printable(features[j].name)} */"
-        for j, formula in code.formulas(policy, operators, *names, hexadecimal)
+        for j, formula in code.formulas(policy, operators, names, "last[{}]".format)
     ]
     needed = code.called(computed, code.functions("c", name))
     kept = [f"    {name}_last[{j}] = features[{j}];" for j in remembered]

@@ -92,11 +92,11 @@ def _function(policy: TreePolicy, name: str, root: int) -> list[str]:
 
 def _entry(policy: TreePolicy, name: str, *, reset: str) -> list[str]:
     """Return the function that computes the derived features, with those that it needs."""
-    operators = code.operations(f"_{name}", "({1} if {0} else {2})", "and", "or")
-    names = "features[{}]".format, "last[{}]".format
+    operators = code.operations(f"_{name}", repr, "({1} if {0} else {2})", "and", "or")
+    names = [f"features[{j}]" for j in range(policy.schema.n_features)]
     computed = [
         f"    features[{j}] = {formula}  # {text.labelled(policy.schema.features[j])}"
-        for j, formula in code.formulas(policy, operators, *names, repr)
+        for j, formula in code.formulas(policy, operators, names, "last[{}]".format)
     ]
     return code.called(computed, code.functions("python", f"_{name}")) + code.filled(
         "python_remembers" if code.remembered_features(policy) else "python_derives",

@@ -99,15 +99,14 @@ def _entry(policy: TreePolicy, name: str, inputs: list[str]) -> list[str]:
         reserved=[*code.STRUCTURED_TEXT_WORDS, name, *inputs, *_OWN],
     )
     last = dict(zip(remembered, kept, strict=True))
-    operators = code.operations(name, "SEL({0}, {2}, {1})", "AND", "OR")
+    operators = code.operations(name, literal, "SEL({0}, {2}, {1})", "AND", "OR")
 
     def begin(j: int) -> list[str]:
         keep = f"    {last.get(j)} := {inputs[j]};"
         return ["IF NOT goes_on THEN", keep, "END_IF;"] if j in last else []
 
     body = [line for j in range(first) for line in begin(j)]
-    names = inputs.__getitem__, last.__getitem__
-    for j, formula in code.formulas(policy, operators, *names, literal):
+    for j, formula in code.formulas(policy, operators, inputs, last.__getitem__):
         body += [f"{inputs[j]} := {formula};", *begin(j)]
     arguments = ", ".join(
         one if j < first or j in computed else "0.0" for j, one in enumerate(inputs)

@@ -6,6 +6,7 @@ is no number and takes the right branch of every test, is outside of every state
 """
 
 from dataclasses import dataclass, replace
+from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +15,7 @@ from numpy.typing import ArrayLike
 from eutree.arrays import Floats, Integers
 from eutree.display import Displayed, counted
 from eutree.errors import InvalidArgumentError
+from eutree.inspection.occurring import Occurrence, Occurring
 from eutree.inspection.properties import Property, check_says_all, parse
 from eutree.inspection.regions import Region, domain, finite_box, is_box, ways
 from eutree.policies import TreePolicy
@@ -36,6 +38,8 @@ class CounterExample:
         leaf: The leaf of ``point``.
         share: Share of the region in question that the box takes.
         words: The box in words.
+        occurs: Whether ``point`` is an observation. Else, which can only be where features are
+            derived, none was found in the box, and it is not known that there is none.
     """
 
     region: Region
@@ -45,6 +49,7 @@ class CounterExample:
     leaf: int
     share: float
     words: str
+    occurs: bool = True
 
 
 @dataclass(frozen=True)
@@ -126,7 +131,8 @@ def verify(
     if asked.kind == "no dead leaves":
         parts = [_dead(policy, observations)]
     else:
-        found = (_part(policy, asked, region, everywhere) for region in asked.regions)
+        occurring = Occurring(schema, everywhere)
+        found = (_part(policy, asked, region, occurring) for region in asked.regions)
         parts = [part for part in found if part is not None]
         if not parts:
             raise InvalidArgumentError(
@@ -152,26 +158,30 @@ def verify(
     )
 
 
-def _part(policy: TreePolicy, asked: Property, region: Region, everywhere: bool) -> _Part | None:
+def _part(
+    policy: TreePolicy, asked: Property, region: Region, occurring: Occurring
+) -> _Part | None:
     """Return the part of a property in one of its boxes; None where it holds no observation."""
     schema = policy.schema
     low, high = region.meet(*leaf_boxes(policy.tree))
-    if not everywhere:
+    if not occurring.everywhere:
         bounds = domain(schema)
         region = Region(*possible(*bounds.meet(region.low, region.high), schema))
         if not is_box(region.low, region.high):
             return None
         low, high = possible(*bounds.meet(low, high), schema)
+    if occurring.within(region) is None:
+        return None
     reaching = np.flatnonzero(is_box(low, high))
     is_asked = False
     if asked.kind == "monotone":
-        found = _switching(policy, asked, (low, high), reaching, everywhere)
+        found = _switching(policy, asked, (low, high), reaching, occurring)
         sides = low[reaching, asked.feature], high[reaching, asked.feature]
         is_asked = any(np.unique(side).size > 1 for side in sides)
     else:
         has = np.isin(policy.actions[reaching], list(asked.actions))
         wrong = reaching[has if asked.kind == "never" else ~has]
-        found = _examples(policy, region, wrong, low, high)
+        found = _examples(policy, region, wrong, (low, high), occurring)
     whole = _finite(policy, domain(schema))
     size = float(volumes(region.low, region.high, *whole, schema))
     return _Part(found, int(reaching.size), size, is_asked)
@@ -186,19 +196,29 @@ def _unasked(policy: TreePolicy, asked: Property) -> str:
 
 
 def _examples(
-    policy: TreePolicy, whole: Region, leaves: Integers, low: Floats, high: Floats
+    policy: TreePolicy,
+    whole: Region,
+    leaves: Integers,
+    boxes: tuple[Floats, Floats],
+    occurring: Occurring | None = None,
 ) -> list[CounterExample]:
-    """Return the boxes of some leaves, as parts of a region, as counter-examples."""
-    schema, inside = policy.schema, domain(policy.schema)
+    """Return the boxes of some leaves, as parts of a region, as counter-examples.
+
+    Those that hold no observation are left out, if it is asked for.
+    """
+    schema, inside, (low, high) = policy.schema, domain(policy.schema), boxes
     names = [printable(name) for name in schema.actions]
     shares = volumes(low[leaves], high[leaves], *_finite(policy, whole), schema)
     examples = []
     for leaf, share in zip(leaves.tolist(), shares.tolist(), strict=True):
         region, action = Region(low[leaf], high[leaf]), int(policy.actions[leaf])
-        words = f"{names[action]} where {region.words(schema, inside)} (leaf {leaf})"
-        examples.append(
-            CounterExample(region, region.point(schema), None, action, leaf, share, words)
-        )
+        plain = Occurrence(region.point(schema), True)
+        if found := plain if occurring is None else occurring.within(region):
+            where = f"{region.words(schema, inside)} (leaf {leaf}){found.caution}"
+            words = f"{names[action]} where {where}"
+            examples.append(
+                CounterExample(region, found.point, None, action, leaf, share, words, found.is_real)
+            )
     return examples
 
 
@@ -207,7 +227,7 @@ def _switching(
     asked: Property,
     boxes: tuple[Floats, Floats],
     reaching: Integers,
-    everywhere: bool,
+    occurring: Occurring,
 ) -> list[CounterExample]:
     """Return pairs of leaves between which changing one feature switches away from the action.
 
@@ -222,29 +242,38 @@ def _switching(
     is_reached[reaching] = True
     found: list[_Pair] = []
     whole = _finite(policy, domain(schema))
+    most = None if schema.derived else _MOST_SWITCHES  # of those pairs some may not occur
     for one, two in ways(policy.tree, low, high, keeps, j, falls=asked.falls):
         loses = is_reached[two] & (rank[two] < rank[one])
         one, two = one[loses], two[loses]
         lows, highs = np.maximum(low[one], low[two]), np.minimum(high[one], high[two])
         lows[:, j], highs[:, j] = low[one, j], high[one, j]
-        if not everywhere:
+        if not occurring.everywhere:
             lows, highs = possible(lows, highs, schema)
         real = is_box(lows, highs)
         one, two, lows, highs = one[real], two[real], lows[real], highs[real]
         shares = volumes(lows, highs, *whole, schema)
-        for k in np.argsort(-shares, kind="stable")[:_MOST_SWITCHES].tolist():
+        for k in np.argsort(-shares, kind="stable")[:most].tolist():
             leaves = int(one[k]), int(two[k])
             found.append(_Pair(float(shares[k]), *leaves, Region(lows[k], highs[k])))
     found.sort(key=lambda pair: -pair.share)
-    return [_switch(policy, asked, pair, low, high) for pair in found[:_MOST_SWITCHES]]
+    switches = (_switch(policy, asked, pair, boxes, occurring) for pair in found)
+    return list(islice(filter(None, switches), _MOST_SWITCHES))
 
 
 def _switch(
-    policy: TreePolicy, asked: Property, pair: _Pair, low: Floats, high: Floats
-) -> CounterExample:
-    share, leaf, other, region = pair
+    policy: TreePolicy,
+    asked: Property,
+    pair: _Pair,
+    boxes: tuple[Floats, Floats],
+    occurring: Occurring,
+) -> CounterExample | None:
+    """Return a switch between two leaves; None where no observation is there."""
+    (share, leaf, other, region), (low, high) = pair, boxes
     schema, j = policy.schema, asked.feature
-    point = region.point(schema)
+    if (occurs := occurring.within(region)) is None:
+        return None
+    point = occurs.point
     raised = point.copy()
     raised[j] = Region(low[other], high[other]).point(schema)[j]
     action = int(policy.actions[other])
@@ -256,8 +285,9 @@ def _switch(
         f"{names[0]} becomes {names[1]} where "
         f"{region.words(schema, domain(schema), digits=digits)} when "
         f"{printable(schema.features[j].name)} goes from {values[0]} to {values[1]}"
+        f"{occurs.caution}"
     )
-    return CounterExample(region, point, raised, action, leaf, share, words)
+    return CounterExample(region, point, raised, action, leaf, share, words, occurs.is_real)
 
 
 def _dead(policy: TreePolicy, observations: ArrayLike | None) -> _Part:
@@ -270,7 +300,7 @@ def _dead(policy: TreePolicy, observations: ArrayLike | None) -> _Part:
     reached = np.bincount(policy.tree.leaf_index(rows), minlength=policy.n_leaves) > 0
     low, high = leaf_boxes(policy.tree)
     whole = domain(policy.schema)
-    found = _examples(policy, whole, np.flatnonzero(~reached), low, high)
+    found = _examples(policy, whole, np.flatnonzero(~reached), (low, high))
     return _Part(found, policy.n_leaves, 1.0)
 
 

@@ -120,7 +120,7 @@ _OPERATIONS: Mapping[str, Callable[..., Any]] = {
     "/": _ratio, "min": minimum, "max": maximum, "abs": lambda a: maximum(a, -a), "if": where,
     "<": lambda a, b: Intervals.of(a) < b, "<=": lambda a, b: Intervals.of(a) <= b,
     ">": lambda a, b: Intervals.of(a) > b, ">=": lambda a, b: Intervals.of(a) >= b,
-    "and": operator.and_, "or": operator.or_,
+    "and": operator.and_, "or": operator.or_, "number": np.float64,
 }  # fmt: skip
 
 

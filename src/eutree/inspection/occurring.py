@@ -1,0 +1,173 @@
+"""Whether a box of features holds an observation, where some features are derived of others.
+
+A leaf of a tree that asks for ``lead = distance_1 - distance_2`` is a box of all three numbers, and
+no observation has a lead of 5 with both distances in [0, 2]. So a box is halved along the features
+that are not derived, until a part has an observation whose derived features lie in the box, too, or
+no part is left where they could. What formulas are in a part is bounded as it is computed
+(``eutree.formulas.ON_RANGES``), so both answers are exact, for all finite doubles.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from eutree.arrays import Booleans, Floats
+from eutree.features import Derivation
+from eutree.formulas import ON_RANGES, Formula
+from eutree.inspection.regions import Region, is_box
+from eutree.schema import Schema
+from eutree.trees.boxes import possible
+
+MOST_PARTS = 20_000  # of one box that are looked at; then the question is left open
+_AT_ONCE = 256  # the latest ones, so that a first observation is found soon
+_LARGEST = float(np.finfo(np.float64).max)
+_WIDE = 16.0  # so many times as large: halved by magnitude
+
+
+class Occurrence(NamedTuple):
+    """What was found in a box.
+
+    Attributes:
+        point: A point of it.
+        is_real: Whether the point is an observation, derived features included. Else none was
+            found, and it is not known that there is none.
+    """
+
+    point: Floats  # [d]
+    is_real: bool
+
+    @property
+    def caution(self) -> str:
+        """What to say behind a box; nothing where an observation was found."""
+        return "" if self.is_real else "; no such observation was found, nor that there is none"
+
+
+@dataclass(frozen=True)
+class Occurring:
+    """Looks for observations in boxes.
+
+    A derived feature that asks for the step before may be anything, like one that is measured.
+
+    Attributes:
+        schema: The d features, and how some of them are derived.
+        everywhere: Whether all doubles count as observations, or whole numbers where features are
+            whole, and one category of each group.
+    """
+
+    schema: Schema
+    everywhere: bool = False
+
+    def within(self, box: Region) -> Occurrence | None:
+        """Look for an observation in a box; None where there is none."""
+        parts, left = np.stack([box.low, box.high])[:, np.newaxis], MOST_PARTS
+        parts[1] = np.minimum(parts[1], _LARGEST)
+        while parts.shape[1]:
+            if left <= 0:
+                return Occurrence(box.point(self.schema), False)
+            parts, latest = parts[:, :-_AT_ONCE], parts[:, -_AT_ONCE:]
+            left -= latest.shape[1]
+            latest = latest[:, self._reached(latest, box)[0]]
+            rows = self._points(latest)
+            inside = ((rows > box.low) & (rows <= box.high)).all(axis=1)
+            if inside.any():
+                return Occurrence(rows[inside.argmax()], True)
+            parts = np.concatenate([parts, self._halves(latest, box)], axis=1)
+        return None
+
+    @cached_property
+    def _formulas(self) -> dict[int, Formula]:
+        """The formulas of those features that one observation determines."""
+        known = Derivation.of(self.schema)
+        return {
+            j: formula
+            for j, formula in enumerate(known.formulas, known.n_measured)
+            if all(part.kind != "last" for part in formula)
+        }
+
+    @cached_property
+    def _named(self) -> list[int]:
+        """The features in formulas that have none themselves."""
+        parts = [part for formula in self._formulas.values() for part in formula]
+        return sorted(
+            {part.index for part in parts if part.kind == "feature"} - set(self._formulas)
+        )
+
+    def _derived(
+        self, columns: list[Any], operations: Mapping[str, Any] | None = None
+    ) -> list[Any]:
+        """Return columns, numbers or ranges of them, with those that formulas determine."""
+        for j, formula in self._formulas.items():
+            columns[j] = formula.compute(columns, columns.__getitem__, operations)
+        return columns
+
+    def _reached(self, parts: Floats, box: Region) -> tuple[Booleans, Floats]:
+        """Return whether derived features of parts may be in a box, and how far they reach beyond.
+
+        Args:
+            parts: Exclusive lower and inclusive upper bounds, shape [2, N, d].
+            box: The box.
+
+        Returns:
+            Both of shape [N].
+        """
+        low, high = parts
+        first = np.where(self._is_whole, np.floor(low) + 1.0, np.nextafter(low, np.inf))
+        may_be, beyond = np.ones(len(low), dtype=bool), np.zeros(len(low))
+        ranges = self._derived(list(zip(first.T, high.T, strict=True)), ON_RANGES)
+        with np.errstate(invalid="ignore", over="ignore"):
+            for j in self._formulas:
+                least, most = ranges[j]
+                may_be &= (least <= box.high[j]) & (most > box.low[j])
+                for reach in (box.low[j] - least, most - box.high[j]):
+                    beyond += np.clip(np.nan_to_num(reach, nan=0.0), 0.0, _LARGEST / 1e4)
+        return may_be, beyond
+
+    @cached_property
+    def _is_whole(self) -> Booleans:
+        features = self.schema.features
+        return np.array([one.is_integer and not self.everywhere for one in features])
+
+    def _cuts(self, parts: Floats) -> Floats:
+        """Return where each side of parts is halved, shape [N, d]; at its end where it cannot be.
+
+        That is in the middle or, of numbers of unlike magnitudes, at 0 or the middle magnitude.
+        """
+        low, high = np.clip(parts, -_LARGEST, _LARGEST)
+        ends = np.abs([low, high])
+        least, most = np.maximum(ends.min(axis=0), 1.0), ends.max(axis=0)
+        magnitude = np.where(high > 0.0, 1.0, -1.0) * np.sqrt(least) * np.sqrt(most)
+        magnitude = np.where((low < 0.0) & (high > 0.0), 0.0, magnitude)
+        cut = np.where(most / _WIDE > least, magnitude, low / 2 + high / 2)
+        cut = np.where(self._is_whole, np.floor(cut), cut)
+        return np.where((low < cut) & (cut < high), cut, high)
+
+    def _points(self, parts: Floats) -> Floats:
+        """Return a row of each part, as it would be observed and derived, shape [N, d]."""
+        found = self._cuts(parts)
+        for group in [] if self.everywhere else map(list, self.schema.groups.values()):
+            found[:, group] = np.eye(len(group))[(parts[1][:, group] >= 1.0).argmax(axis=1)]
+        columns = self._derived(list(found.T))
+        return np.stack([np.broadcast_to(one, len(found)) for one in columns], axis=1)
+
+    def _halves(self, parts: Floats, box: Region) -> Floats:
+        """Return both halves of each part, along the feature that bounds the derived ones best.
+
+        A part with one value of each feature in formulas has none.
+        """
+        cuts, high = self._cuts(parts), parts[1]
+        score = np.full(cuts.shape, np.inf)
+        for j in self._named:
+            thin = parts.copy()
+            thin[0, :, j], thin[1, :, j] = np.nextafter(cuts[:, j], -np.inf), cuts[:, j]
+            _, beyond = self._reached(thin, box)
+            score[:, j] = np.where(cuts[:, j] < high[:, j], beyond, np.inf)
+        has = np.isfinite(score.min(axis=1))
+        lower, upper = parts[:, has], parts[:, has]
+        rows, along = np.arange(has.sum()), score[has].argmin(axis=1)
+        lower[1, rows, along] = upper[0, rows, along] = cuts[has][rows, along]
+        low, high = np.concatenate([lower, upper], axis=1)
+        low, high = (low, high) if self.everywhere else possible(low, high, self.schema)
+        return np.stack([low, high])[:, is_box(low, high)]
