@@ -238,6 +238,10 @@ def distilled(cell: Cell, env: Any) -> tuple[eutree.TreePolicy, int, float]:
 
     left, longest = cell.steps - steps, gymnasium.spec(cell.task).max_episode_steps or 1000
     rounds = min(ROUNDS, left // (3 * longest))  # an episode to learn from, two to judge
+    if rounds == 0:
+        raise SystemExit(
+            f"{cell}: {left} steps are left for episodes of {longest}: three are needed"
+        )
     each = left // (3 * rounds * longest)
     tree, report = eutree.distill(
         model, env,
