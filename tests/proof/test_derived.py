@@ -58,8 +58,8 @@ def test_boxes_hold_the_action_of_every_state_in_them(formula: str, as_affine: b
 def test_a_feature_by_another_name_is_proven_as_the_feature_itself() -> None:
     asked = "avoids position >= 0.3 for 40 steps"
     plain = prove(policy_of((VELOCITY, 1e-5, LEFT, RIGHT)), PLANT, asked)
-    same = "1.0 * velocity + 0.0 * position"
-    policy = policy_of((DERIVED, 1e-5, LEFT, RIGHT), derived=(f"d = {same}",))
+    unasked, same = "turn = velocity - last(velocity)", "1.0 * velocity + 0.0 * position"
+    policy = policy_of((DERIVED + 1, 1e-5, LEFT, RIGHT), derived=(unasked, f"d = {same}"))
     found = prove(policy, PLANT, asked)
     assert (found.verdict, found.work) == (plain.verdict, plain.work)
 

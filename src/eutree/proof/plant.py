@@ -146,9 +146,11 @@ class Plant:
 
     def _check_derived(self, policy: TreePolicy) -> None:
         """Raise InvalidArgumentError for derived features that boxes do not tell."""
-        if not derived_features(policy.tree, policy.schema):
+        known, asked = policy.derivation, derived_features(policy.tree, policy.schema)
+        if not asked:
             return
-        if policy.derivation.remembered:
+        parts = (part for j in asked for part in known.formulas[j - known.n_measured])
+        if any(part.kind == "last" for part in parts):
             raise InvalidArgumentError(
                 "a policy must decide by the present observation to be proven, got one with a "
                 "derived feature that asks for last(...)"

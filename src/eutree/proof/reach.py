@@ -76,8 +76,9 @@ class Acting:
                 f"{policy.schema.n_actions}"
             )
         nodes, derivation = policy.tree.nodes, policy.derivation
-        is_asked = bool(derived_features(policy.tree, policy.schema))
-        self._formulas = derivation.formulas if is_asked else ()
+        asked = derived_features(policy.tree, policy.schema)
+        self._formulas = {j: derivation.formulas[j - derivation.n_measured] for j in asked}
+        self._n_features = policy.schema.n_features
         if np.dtype(plant.precision) == np.float32:
             # The tree sees single precision: rounding is monotone, so a test of the rounded value
             # is the test of the double itself at one other threshold. What is derived are doubles.
@@ -104,9 +105,9 @@ class Acting:
     def _derived(self, measured: State) -> list[Intervals]:
         """Return what is derived of the numbers that the tree sees of the measured ones."""
         known = [rounded(Intervals.of(one), self._plant.precision) for one in measured]
-        for formula in self._formulas:  # none of them has a last(...): see Plant.check_fits
-            found = formula.compute(known, known.__getitem__, _OPERATIONS)
-            known.append(Intervals.of(found))
+        known += known[:1] * (self._n_features - len(known))  # no test asks for those left so
+        for j, formula in self._formulas.items():  # none has a last(...): see Plant.check_fits
+            known[j] = Intervals.of(formula.compute(known, known.__getitem__, _OPERATIONS))
         return known[len(measured) :]
 
 
