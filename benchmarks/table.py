@@ -233,7 +233,8 @@ def distilled(cell: Cell, env: Any) -> tuple[eutree.TreePolicy, int, float]:
     begin = time.process_time()
 
     def action_values(observations: np.ndarray) -> np.ndarray:
-        tensor, _ = model.policy.obs_to_tensor(observations.astype(np.float32))
+        measured = observations[:, : model.observation_space.shape[0]].astype(np.float32)
+        tensor, _ = model.policy.obs_to_tensor(measured)
         return model.q_net(tensor).detach().numpy()
 
     left, longest = cell.steps - steps, gymnasium.spec(cell.task).max_episode_steps or 1000
