@@ -1,6 +1,6 @@
 """Rollouts in every member of an ensemble, and challengers with the same random numbers."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -131,3 +131,33 @@ def _best_cut(rollouts: EnsembleRollouts, generator: np.random.Generator) -> Act
     more = rollouts.returns_of_each([cuts[one] for one in best], few)
     whole = zip(map(rollouts.score, np.concatenate([known[best], more], axis=1)), best, strict=True)
     return cuts[max(whole, key=lambda one: (one[0], -places[one[1]]))[1]]
+
+
+# What is left is changed at random, some changes at once, of which the best is made if it pays.
+
+CHANGES, AT_ONCE = 50, 8
+
+
+def climbed_by_rollouts(
+    tree: ActionTree,
+    rollouts: EnsembleRollouts,
+    variant: Callable[[ActionTree, Floats], ActionTree | None],
+) -> ActionTree:
+    """Return the tree after changes that pay in the rollouts, which end with it run.
+
+    Args:
+        tree: The tree to change.
+        rollouts: In which a change has to pay.
+        variant: Makes a variant of a tree whose episodes visit observations [K, d]; None if it
+            comes out too large or too small.
+    """
+    rollouts.run(tree)
+    best = rollouts.score(rollouts.returns)
+    for _ in range(CHANGES):
+        made = (variant(rollouts.policy, rollouts.observations) for _ in range(AT_ONCE))
+        if changed := [one for one in made if one is not None]:
+            scores = [rollouts.score(row) for row in rollouts.returns_of_each(changed)]
+            if max(scores) > best:
+                best = max(scores)
+                rollouts.run(changed[scores.index(best)])
+    return rollouts.policy

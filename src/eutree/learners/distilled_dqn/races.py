@@ -22,15 +22,21 @@ from eutree.learners.distilled_dqn.teaching import Experience, Students
 from eutree.learners.episode_buffer import transitions_of
 from eutree.learners.learner import Arrays, Figures
 from eutree.policy_search.model_trust import ModelTrust
+from eutree.policy_search.variation import Variation
 from eutree.world_model import ActionTree
 from eutree.world_model.action_trees import n_leaves
 from eutree.world_model.ensemble import Ensemble, EnsembleSettings, fit_ensemble
-from eutree.world_model.ensemble_rollouts import EnsembleRollouts, pruned_by_rollouts
+from eutree.world_model.ensemble_rollouts import (
+    EnsembleRollouts,
+    climbed_by_rollouts,
+    pruned_by_rollouts,
+)
 from eutree.world_model.transitions import seen_as
 
 RACED_TREE = "contender_"  # a raced tree's arrays: checkpoints keep the word of the first release
-# The start, CART as it is, or pruned by imagined returns from a plain or from a weighted CART.
-ORIGINS = ("start", "cart", "pruned", "pruned-weighted")
+# The start, CART as it is, pruned by imagined returns from a plain or from a weighted CART, or such
+# a tree after changes that are imagined to pay.
+ORIGINS = ("start", "cart", "pruned", "pruned-weighted", "climbed")
 UNKNOWN = float("nan")
 
 
@@ -138,7 +144,10 @@ class ImaginedChallengers:
         self.ensemble: Ensemble | None = None
 
     def make(self, n: int, generator: np.random.Generator) -> list[RacedTree]:
-        """Fit the model to all that is known; return CART's trees and ``n`` pruned ones."""
+        """Fit the model to all that is known; return CART's trees, and pruned ones, ``n`` at most.
+
+        Half of these are changed on: the best ones of few leaves differ little, if at all.
+        """
         data = transitions_of(self._experience.history, self._n_actions)
         data = seen_as(self._students.seen, data)
         if self.ensemble is None:
@@ -151,12 +160,14 @@ class ImaginedChallengers:
         made = [RacedTree(self._students.fit(observations, size), "cart") for size in sizes]
         judge = EnsembleRollouts(ensemble, N_STARTS, generator)
         judge.run(made[0].tree)
-        return made + self._pruned(n, ensemble, judge, generator)
+        pruned = self._pruned(n, ensemble, judge, generator)
+        climbed = [self._climbed(one.tree, ensemble, judge, generator) for one in pruned[: n // 2]]
+        return made + pruned[: n - n // 2] + climbed
 
     def _pruned(
         self, n: int, ensemble: Ensemble, judge: EnsembleRollouts, generator: np.random.Generator
     ) -> list[RacedTree]:
-        """Return the ``n`` pruned trees that the judge scores best, of four more.
+        """Return the ``n`` pruned trees that the judge scores best, of four more; each one once.
 
         Recipes differ from run to run by more than the trees of one recipe do, and the model tells
         recipes apart where it cannot tell such trees apart. So each has a tree, and the others are
@@ -174,7 +185,23 @@ class ImaginedChallengers:
             score = judge.score(judge.returns_of_each([tree])[0])
             scores[recipe].append(score)
             made.append(RacedTree(tree, "pruned-weighted" if recipe[1] else "pruned", score))
-        return sorted(made, key=lambda one: -one.imagined)[:n]
+        different: dict[bytes, RacedTree] = {}
+        for one in sorted(made, key=lambda one: -one.imagined):
+            different.setdefault(b"".join(part.tobytes() for part in one.tree), one)
+        return list(different.values())[:n]
+
+    def _climbed(
+        self,
+        tree: ActionTree,
+        ensemble: Ensemble,
+        judge: EnsembleRollouts,
+        generator: np.random.Generator,
+    ) -> RacedTree:
+        """Return a tree after random changes that pay in imagined episodes."""
+        rollouts = EnsembleRollouts(ensemble, N_STARTS, generator)
+        variation = Variation(self._n_actions, self._max_leaves, generator)
+        changed = climbed_by_rollouts(tree, rollouts, variation.of)
+        return RacedTree(changed, "climbed", judge.score(judge.returns_of_each([changed])[0]))
 
     def to_prune(self, recipe: Recipe, observations: Floats) -> ActionTree:
         """Return the large tree of a recipe, a copy of the teacher at observations [N, d]."""
