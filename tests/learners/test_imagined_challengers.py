@@ -6,8 +6,10 @@ import pytest
 from eutree.learners.distilled_dqn import races
 from eutree.learners.distilled_dqn.races import PARTS, RECIPES, ImaginedChallengers
 from eutree.learners.distilled_dqn.teaching import Experience, Students
+from eutree.policy_search.variation import Variation
 from eutree.world_model.action_trees import n_leaves
 from eutree.world_model.ensemble import EnsembleSettings
+from eutree.world_model.ensemble_rollouts import EnsembleRollouts, climbed_by_rollouts
 from tests.worlds import room_episode
 
 EPISODES, STEPS = 30, 40
@@ -54,11 +56,11 @@ def challengers_of(students: Students, limit: int = LIMIT) -> ImaginedChallenger
 def test_challengers_are_carts_trees_and_prunings_of_larger_ones(limit, of_large):
     """What is pruned is large also where few leaves are allowed."""
     students = Noted()
-    made = challengers_of(students, limit).make(2, np.random.default_rng(0))
+    made = challengers_of(students, limit).make(1, np.random.default_rng(0))
     whole = EPISODES * STEPS
     own = [(whole, n, False) for n in sorted({max(limit // k, 2) for k in PARTS}, reverse=True)]
     assert len(own) > 1
-    assert len(made) == len(own) + 2
+    assert len(made) == len(own) + 1
     assert [one.origin for one in made[: len(own)]] == ["cart"] * len(own)
     assert {one.origin for one in made[len(own) :]} <= {"pruned", "pruned-weighted"}
     assert all(n_leaves(one.tree) <= limit for one in made)
@@ -68,7 +70,10 @@ def test_challengers_are_carts_trees_and_prunings_of_larger_ones(limit, of_large
 
 @pytest.mark.parametrize("good", RECIPES)
 def test_most_prunings_are_of_the_recipe_whose_trees_the_model_scores_best(good, monkeypatch):
-    """Each has one tree; where one recipe's is right and all others' never heat, that goes on."""
+    """Each has one tree; where one recipe's is right and all others' never heat, that goes on.
+
+    Trees that are the same race once.
+    """
     students, pruned = Noted(), []
     rows = lived_through().history.observations
     right = students.fit(rows, 2)
@@ -83,4 +88,27 @@ def test_most_prunings_are_of_the_recipe_whose_trees_the_model_scores_best(good,
     monkeypatch.setattr(races, "pruned_by_rollouts", prune)
     made = challengers_of(students).make(3, np.random.default_rng(0))
     assert pruned == [*RECIPES, good, good, good]
-    assert [one.tree is right for one in made[-3:]] == [True, True, True]
+    raced = [one for one in made if one.origin.startswith("pruned")]
+    assert [one.tree for one in raced] == [right, never]
+
+
+def test_half_of_the_prunings_climb_to_what_the_model_scores_higher():
+    """A tree that heats below 5 degrees is moved towards 20, and no larger than is allowed."""
+    students = Noted()
+    rows = lived_through().history.observations
+    late = students.fit(rows, 2, labels=(rows[:, 0] < 5.0).astype(np.int32))
+    challengers = challengers_of(students)
+    challengers.make(1, np.random.default_rng(0))
+    rollouts = EnsembleRollouts(challengers.ensemble, 20, np.random.default_rng(1))
+    variation = Variation(2, LIMIT, np.random.default_rng(2))
+    climbed = climbed_by_rollouts(late, rollouts, variation.of)
+    before, after = map(rollouts.score, rollouts.returns_of_each([late, climbed]))
+    assert after > before
+    assert 2 <= n_leaves(climbed) <= LIMIT
+    assert students.act(climbed, np.array([12.0])) == 1
+    again = EnsembleRollouts(challengers.ensemble, 20, np.random.default_rng(1))
+    same = climbed_by_rollouts(late, again, Variation(2, LIMIT, np.random.default_rng(2)).of)
+    assert all((one == other).all() for one, other in zip(climbed, same, strict=True))
+    made = challengers.make(4, np.random.default_rng(3))
+    assert len(made) == 2 + 4
+    assert [one.origin for one in made[-2:]] == ["climbed", "climbed"]

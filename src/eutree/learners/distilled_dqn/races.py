@@ -8,6 +8,7 @@ of another tree that decides alike throughout are known and not run again.
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import cycle, islice
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -144,9 +145,9 @@ class ImaginedChallengers:
         self.ensemble: Ensemble | None = None
 
     def make(self, n: int, generator: np.random.Generator) -> list[RacedTree]:
-        """Fit the model to all that is known; return CART's trees, and pruned ones, ``n`` at most.
+        """Fit the model to all that is known; return CART's trees and ``n`` others.
 
-        Half of these are changed on: the best ones of few leaves differ little, if at all.
+        Half of these are prunings, or fewer where they are the same tree; the others climb on.
         """
         data = transitions_of(self._experience.history, self._n_actions)
         data = seen_as(self._students.seen, data)
@@ -160,9 +161,11 @@ class ImaginedChallengers:
         made = [RacedTree(self._students.fit(observations, size), "cart") for size in sizes]
         judge = EnsembleRollouts(ensemble, N_STARTS, generator)
         judge.run(made[0].tree)
-        pruned = self._pruned(n, ensemble, judge, generator)
-        climbed = [self._climbed(one.tree, ensemble, judge, generator) for one in pruned[: n // 2]]
-        return made + pruned[: n - n // 2] + climbed
+        pruned = self._pruned(n, ensemble, judge, generator)[: n - n // 2]
+        bases = islice(cycle(pruned), n - len(pruned))
+        return (
+            made + pruned + [self._climbed(one.tree, ensemble, judge, generator) for one in bases]
+        )
 
     def _pruned(
         self, n: int, ensemble: Ensemble, judge: EnsembleRollouts, generator: np.random.Generator
