@@ -162,10 +162,10 @@ class ImaginedChallengers:
         judge = EnsembleRollouts(ensemble, N_STARTS, generator)
         judge.run(made[0].tree)
         pruned = self._pruned(n, ensemble, judge, generator)[: n - n // 2]
-        bases = islice(cycle(pruned), n - len(pruned))
-        return (
-            made + pruned + [self._climbed(one.tree, ensemble, judge, generator) for one in bases]
-        )
+        made += pruned
+        for one in islice(cycle(pruned), n - len(pruned)):
+            made.append(self._climbed(one.tree, ensemble, judge, generator))
+        return made
 
     def _pruned(
         self, n: int, ensemble: Ensemble, judge: EnsembleRollouts, generator: np.random.Generator
