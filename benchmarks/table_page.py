@@ -283,8 +283,8 @@ took no sum that did not save two standard errors, and so went without some good
 settings and four fifths of the steps; `network` is that DQN with all of them and no tree at all. A
 task that its zoo does not know has Acrobot's settings there, on the same grid of actions as ours.
 With none of that zoo's three settings does it learn more of *N*-Evasion in 50,000 steps than to do
-the same at every crossing (2-Evasion, seed 1000: 43.0, with MountainCar's -78.5), nor do its copies.
-What they gather is planned for episodes of full length, so where episodes are short steps are left.
+the same everywhere (2-Evasion, seed 1000: 43.0, with MountainCar's -78.5), nor do its copies. What
+they gather is planned for episodes of full length, so where episodes are short steps are left.
 The share was chosen on the seeds 1000 and 1001 of CartPole, 50,000 steps, `dagger` with 8 leaves:
 437.7 and 454.4 with four fifths, 254.0 and 456.7 with half. Copies of a network that learned to its
 end, in more steps, are in the rows from elsewhere.
