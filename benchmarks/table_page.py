@@ -137,8 +137,10 @@ def draw(folder: Path) -> None:
             least = best - FAR * abs(best)
         marks_of(axes, others, least=least)
         axes.set_xscale("log", base=2)
-        axes.set_xlim(1.8, 40)
-        axes.set_xticks([2, *LEAVES], ["2", *map(str, LEAVES)])
+        fewest = min(axes.dataLim.x0, 2.0)
+        axes.set_xlim(0.9 * fewest, 40)
+        ticks = [one for one in (1, 2, *LEAVES) if one >= fewest]
+        axes.set_xticks(ticks, [*map(str, ticks)])
         axes.set(xlabel="leaves", ylabel="mean return", title=task)
         axes.grid(alpha=0.3)
         named = zip(*axes.get_legend_handles_labels(), strict=True)
