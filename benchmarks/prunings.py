@@ -90,7 +90,7 @@ def rows_of_run(cell: Cell, arguments: argparse.Namespace) -> list[dict[str, Any
             rollouts = EnsembleRollouts(model, N_STARTS, generator)
             tree, _ = pruned_by_rollouts(large[recipe], rollouts, cell.leaves, generator)
             spent = time.process_time() - begin
-            imagined = judge.score(judge.returns_of_each([tree])[0])
+            imagined = judge.score_of(tree)
             returns = earned(tree, learner, env, arguments.episodes)
             found.append({
                 "task": cell.task, "steps": cell.steps, "leaves": cell.leaves, "seed": cell.seed,

@@ -95,6 +95,11 @@ class Formula:
             parts = [part.compute(now, last, operations) for part in self.parts]
             return operations[self.kind](*parts)
 
+    @property
+    def remembers(self) -> bool:
+        """Whether it asks for a value of one step before."""
+        return any(part.kind == "last" for part in self)
+
     def unit(self, units: Sequence[str]) -> str:
         """Return the unit that follows from those of the features; empty where none does."""
         return _in_words(self._powers(units) or {})
@@ -142,12 +147,10 @@ def _on_ranges(kind: str, operation: Callable[..., Any]) -> Callable[..., Any]:
     """
 
     def compute(*parts: Any) -> Any:
-        ends = [part if isinstance(part, tuple) else (part, part) for part in parts]
-        if kind in {"/", "abs"}:
-            ends = [(*end, *(np.clip(at, *end) for at in (-_LEAST, 0.0, _LEAST))) for end in ends]
-        found = np.stack(
-            np.broadcast_arrays(*itertools.starmap(operation, itertools.product(*ends)))
-        )
+        around = (-_LEAST, 0.0, _LEAST) if kind in {"/", "abs"} else ()
+        ends = [(*part, *(np.clip(at, *part) for at in around)) for part in parts]
+        results = itertools.starmap(operation, itertools.product(*ends))
+        found = np.stack(np.broadcast_arrays(*results))
         if found.dtype == bool:
             return found.all(axis=0), found.any(axis=0)
         unknown = np.isnan(found).any(axis=0)

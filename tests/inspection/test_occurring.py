@@ -143,6 +143,20 @@ def test_what_came_before_may_have_been_anything():
     assert example.point[4] == example.point[3] + example.point[1] > 8.5
 
 
+@pytest.mark.parametrize("end", [6.0, np.inf])
+def test_where_nothing_is_derived_a_point_is_the_middle_of_its_box(end):
+    schema = Schema((Feature("a", low=-end, high=end), Feature("b", low=0.0)), ("go", "stop"))
+    tree = DecisionTree.single_leaf(2).split(0, 0, 1.0).split(1, 1, 100.0)
+    policy = TreePolicy(tree, np.array([0, 1, 1]), schema)
+    for everywhere in (False, True):
+        for example in verify(policy, "never stop", everywhere=everywhere).counter_examples:
+            assert example.occurs
+            assert example.point.tolist() == example.region.point(schema).tolist()
+    largest = float(np.finfo(np.float64).max)
+    with np.errstate(over="ignore"):  # the next double is infinite
+        assert not verify(policy, f"never stop when b > {largest!r}", everywhere=True).holds
+
+
 def test_everywhere_means_all_doubles():
     schema = WHOLE.derive(["f = a + b"])
     tree = DecisionTree.single_leaf(4).split(0, 3, 0.25).split(1, 3, 0.75)

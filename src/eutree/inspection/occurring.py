@@ -62,6 +62,8 @@ class Occurring:
 
     def within(self, box: Region) -> Occurrence | None:
         """Look for an observation in a box; None where there is none."""
+        if not self._formulas:  # any point is one
+            return Occurrence(box.point(self.schema), True)
         parts, left = np.stack([box.low, box.high])[:, np.newaxis], MOST_PARTS
         parts[1] = np.minimum(parts[1], _LARGEST)
         while parts.shape[1]:
@@ -84,7 +86,7 @@ class Occurring:
         return {
             j: formula
             for j, formula in enumerate(known.formulas, known.n_measured)
-            if all(part.kind != "last" for part in formula)
+            if not formula.remembers
         }
 
     @cached_property

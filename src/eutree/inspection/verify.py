@@ -5,6 +5,7 @@ the schema's bounds, and the point of a counter-example is an observation that b
 is no number and takes the right branch of every test, is outside of every statement.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import islice
 from typing import NamedTuple
@@ -181,7 +182,7 @@ def _part(
     else:
         has = np.isin(policy.actions[reaching], list(asked.actions))
         wrong = reaching[has if asked.kind == "never" else ~has]
-        found = _examples(policy, region, wrong, (low, high), occurring)
+        found = _examples(policy, region, wrong, (low, high), occurring.within)
     whole = _finite(policy, domain(schema))
     size = float(volumes(region.low, region.high, *whole, schema))
     return _Part(found, int(reaching.size), size, is_asked)
@@ -200,20 +201,16 @@ def _examples(
     whole: Region,
     leaves: Integers,
     boxes: tuple[Floats, Floats],
-    occurring: Occurring | None = None,
+    find: Callable[[Region], Occurrence | None],
 ) -> list[CounterExample]:
-    """Return the boxes of some leaves, as parts of a region, as counter-examples.
-
-    Those that hold no observation are left out, if it is asked for.
-    """
+    """Return the boxes of some leaves, as parts of a region, in which something is found."""
     schema, inside, (low, high) = policy.schema, domain(policy.schema), boxes
     names = [printable(name) for name in schema.actions]
     shares = volumes(low[leaves], high[leaves], *_finite(policy, whole), schema)
     examples = []
     for leaf, share in zip(leaves.tolist(), shares.tolist(), strict=True):
         region, action = Region(low[leaf], high[leaf]), int(policy.actions[leaf])
-        plain = Occurrence(region.point(schema), True)
-        if found := plain if occurring is None else occurring.within(region):
+        if found := find(region):
             where = f"{region.words(schema, inside)} (leaf {leaf}){found.caution}"
             words = f"{names[action]} where {where}"
             examples.append(
@@ -298,9 +295,13 @@ def _dead(policy: TreePolicy, observations: ArrayLike | None) -> _Part:
         )
     rows = check_observations("observations", observations, n_features=policy.tree.n_features)
     reached = np.bincount(policy.tree.leaf_index(rows), minlength=policy.n_leaves) > 0
-    low, high = leaf_boxes(policy.tree)
     whole = domain(policy.schema)
-    found = _examples(policy, whole, np.flatnonzero(~reached), (low, high))
+
+    def anything(box: Region) -> Occurrence:  # what nothing can reach is dead, too
+        return Occurrence(box.point(policy.schema), True)
+
+    dead = np.flatnonzero(~reached)
+    found = _examples(policy, whole, dead, leaf_boxes(policy.tree), anything)
     return _Part(found, policy.n_leaves, 1.0)
 
 

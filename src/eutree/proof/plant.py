@@ -149,8 +149,7 @@ class Plant:
         known, asked = policy.derivation, derived_features(policy.tree, policy.schema)
         if not asked:
             return
-        parts = (part for j in asked for part in known.formulas[j - known.n_measured])
-        if any(part.kind == "last" for part in parts):
+        if any(known.formulas[j - known.n_measured].remembers for j in asked):
             raise InvalidArgumentError(
                 "a policy must decide by the present observation to be proven, got one with a "
                 "derived feature that asks for last(...)"

@@ -65,6 +65,10 @@ class EnsembleRollouts(Rollouts):
         of_members = returns.reshape(-1, self.n_members).mean(axis=0)
         return float(of_members.mean() - PESSIMISM * of_members.std())
 
+    def score_of(self, challenger: ActionTree) -> float:
+        """Return the score of a challenger in the policy's episodes."""
+        return self.score(self.returns_of_each([challenger])[0])
+
     def _cut(self, returns: Floats) -> Floats:
         """Return returns no lower and no higher than nearly all real ones were."""
         return np.clip(returns, *self._range)

@@ -185,7 +185,7 @@ class ImaginedChallengers:
                 large[recipe] = self.to_prune(recipe, rows)
             rollouts = EnsembleRollouts(ensemble, N_STARTS, generator)
             tree, _ = pruned_by_rollouts(large[recipe], rollouts, self._max_leaves, generator)
-            score = judge.score(judge.returns_of_each([tree])[0])
+            score = judge.score_of(tree)
             scores[recipe].append(score)
             made.append(RacedTree(tree, "pruned-weighted" if recipe[1] else "pruned", score))
         different: dict[bytes, RacedTree] = {}
@@ -204,7 +204,7 @@ class ImaginedChallengers:
         rollouts = EnsembleRollouts(ensemble, N_STARTS, generator)
         variation = Variation(self._n_actions, self._max_leaves, generator)
         changed = climbed_by_rollouts(tree, rollouts, variation.of)
-        return RacedTree(changed, "climbed", judge.score(judge.returns_of_each([changed])[0]))
+        return RacedTree(changed, "climbed", judge.score_of(changed))
 
     def to_prune(self, recipe: Recipe, observations: Floats) -> ActionTree:
         """Return the large tree of a recipe, a copy of the teacher at observations [N, d]."""
