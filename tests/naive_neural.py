@@ -95,7 +95,9 @@ def ensemble_step(world, draws, at, member, action, state):
             noise = draws.normal[place] * np.exp(0.5 * np.clip(out[d + i], -8, 3))
             move = np.clip(scales.move[i] * (out[i] + noise), *scales.moves[i])
             after[i] = np.clip(state[i] + move, scales.low[i], scales.high[i])
-        after[d + i] = after[i] - state[i]
+    for pair in scales.circles.tolist():
+        after[pair] *= np.linalg.norm(state[pair]) / np.linalg.norm(after[pair])
+    after[d:] = after[:d] - state[:d]
     draw = draws.uniform[(at + d) % draws.uniform.size]
     kind = 0
     if draw < logistic(out[2 * d + 3]):

@@ -177,6 +177,21 @@ def test_a_learner_goes_on_from_any_stage_to_the_same_bytes(stage, whole, shown,
     assert [name for name in mine if mine[name].tobytes() != theirs[name].tobytes()] == []
 
 
+def test_a_model_without_circles_is_one_of_before(whole, shown):
+    problem, start = problem_of(shown), Start(None, shown.kept)
+    state = dict(whole[1][Stage.RACE, "within"][0])
+    for pairs in (np.array([[0, 1], [3, 2]]), None):
+        del state["model_circles"]
+        if pairs is not None:
+            state["model_circles"] = pairs
+        checked_state("checkpoint.npz", state, METHOD, problem, start)
+        circles = METHOD.restore(problem, start, state).challengers.ensemble.scales.circles
+        assert circles.tolist() == ([] if pairs is None else pairs.tolist())
+    state["model_circles"] = np.array([[0, 4]])
+    with pytest.raises(FormatError, match=r"model_circles.*0\.\.3"):
+        checked_state("checkpoint.npz", state, METHOD, problem, start)
+
+
 def test_a_state_has_the_sums_and_what_is_of_their_features(shown, env):
     method = replace(METHOD, sums=2, dagger_share=0.3)
     problem, start = problem_of(shown), Start(None, shown.kept, teacher=Scripted())

@@ -9,7 +9,13 @@ from eutree.world_model import Transitions
 from eutree.world_model import _kernels_ensemble as kernels
 from eutree.world_model import _kernels_ensemble_lanes as lanes
 from eutree.world_model.action_trees import packed
-from eutree.world_model.ensemble import EnsembleSettings, fit_ensemble, kinds
+from eutree.world_model.ensemble import (
+    Ensemble,
+    EnsembleSettings,
+    circles_of,
+    fit_ensemble,
+    kinds,
+)
 from eutree.world_model.ensemble_rollouts import EnsembleRollouts
 from tests import naive_neural
 
@@ -165,6 +171,78 @@ def test_an_end_that_a_rollout_overlooks_comes_where_it_led():
     assert np.mean(shares) > 0.9
     shares = [imagined(fitted, state, 0, 500)[:, 4].mean() for state in o[:40]]
     assert np.mean(shares) == pytest.approx(0.1, abs=0.05)
+
+
+def spins(n_episodes, seed):
+    """A wheel of radius 2 that turns, pushed one way or the other, until it is fast.
+
+    Features: rate, position right and up, whether it turned left, a constant.
+    """
+    generator = np.random.default_rng(seed)
+    rows = []
+    for episode in range(n_episodes):
+        angle, rate = generator.uniform(-3, 3), 0.0
+        seen = (rate, 2 * np.cos(angle), 2 * np.sin(angle), 0.0, 2.0)
+        for _ in range(40):
+            action = int(generator.integers(2))
+            rate += 0.1 * (2 * action - 1)
+            angle += rate
+            then = (rate, 2 * np.cos(angle), 2 * np.sin(angle), float(rate > 0.0), 2.0)
+            rows.append((seen, action, -1.0, then, abs(rate) > 0.8, episode))
+            seen = then
+            if abs(rate) > 0.8:
+                break
+    o, a, r, later, ended, episodes = (np.array(c) for c in zip(*rows, strict=True))
+    return Transitions(o, a, r, later, ended, episodes, 2)
+
+
+@pytest.fixture(scope="module")
+def wheel():
+    return fit_ensemble(spins(100, 0), replace(SMALL, updates=300), np.random.default_rng(1))
+
+
+def test_circles_are_found(ensemble, wheel):
+    assert wheel.scales.circles.tolist() == [[1, 2]]
+    assert ensemble.scales.circles.tolist() == []
+    o = spins(100, 0).observations
+    every = np.ones(o.shape[1], dtype=bool)
+    assert circles_of(o + 0.01, every).tolist() == []
+    assert circles_of(o, ~every).tolist() == []
+    # Two wheels, and their features among one another.
+    two = np.stack([o[:-1, 2], o[1:, 2], o[:-1, 1], o[1:, 1]], axis=1)
+    assert circles_of(two, every[:4]).tolist() == [[0, 2], [1, 3]]
+
+
+def test_what_is_on_a_circle_stays_on_it(wheel):
+    rollouts = EnsembleRollouts(wheel, 30, np.random.default_rng(3))
+    rollouts.run(packed((1, 0.0, 0, 1)))
+    states = rollouts._episodes.states[: rollouts.n_steps]
+    assert len(states) > 300
+    np.testing.assert_allclose(np.hypot(states[:, 1], states[:, 2]), 2.0, rtol=1e-9)
+    later = np.flatnonzero(np.diff(rollouts._episodes.owner[: rollouts.n_steps]) == 0) + 1
+    moved = states[later, :5] - states[later - 1, :5]
+    np.testing.assert_allclose(states[later, 5:], moved, atol=1e-12)
+
+
+def test_a_step_on_a_circle_is_the_naive_step(wheel):
+    world, generator = wheel.world, np.random.default_rng(4)
+    draws = lanes.Draws(generator.random(64), generator.standard_normal(64))
+    for at in range(0, 300, 3):
+        angle, rate = generator.uniform(-3, 3), generator.uniform(-1, 1)
+        seen = [rate, 2 * np.cos(angle), 2 * np.sin(angle), float(rate > 0), 2.0]
+        state = np.array([*seen, *np.zeros(5)])
+        member, action = int(generator.integers(2)), int(generator.integers(2))
+        expected = naive_neural.ensemble_step(world, draws, at, member, action, state)
+        stepped(world, draws, at, member, action, state)
+        np.testing.assert_allclose(state, expected[0], atol=1e-4)
+
+
+def test_an_older_ensemble_knows_no_circles(wheel):
+    state = wheel.state()
+    same = Ensemble.from_state(state, wheel.settings, 2)
+    assert same.scales.circles.tolist() == [[1, 2]]
+    del state["circles"]
+    assert Ensemble.from_state(state, wheel.settings, 2).scales.circles.shape == (0, 2)
 
 
 CAREFUL = packed((0, 1.5, GO, (0, 3.2, (1, 0.5, GO, STAY), GO)))

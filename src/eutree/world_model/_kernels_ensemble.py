@@ -55,6 +55,7 @@ class Scales(NamedTuple):
     move: Floats  # [d] displacement that counts 1
     moves: Floats  # [d, 2] least and largest displacement, a few in ten thousand left out
     binary: Booleans  # [d] which features have two values only
+    circles: Integers  # [C, 2] pairs of features that stay on a circle, as cosine and sine do
     low: Floats  # [d] least value of each feature
     high: Floats  # [d] largest value of each feature
     earned: Floats  # [3, 4] mean, unit, least and largest reward of each kind of step

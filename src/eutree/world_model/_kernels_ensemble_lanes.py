@@ -150,11 +150,12 @@ def move(
     """Move one step as a member's output says; return the reward and whether it was the last.
 
     The same entries of the tables decide under every policy: from ``at`` on one for each feature,
-    then one for the end. States and displacements stay in the range that was seen.
+    then one for the end. States and displacements stay in the range that was seen, or at their
+    distance from the middle of a circle.
     """
     d, mask = scales.move.size, draws.uniform.size - 1
     for i in range(d):
-        before = state[i]
+        before = state[d + i] = state[i]
         # Its log-odds give the chance of the upper value; nothing lies between the two.
         if scales.binary[i]:
             above = draws.uniform[(at + i) & mask] < logistic(out[i])
@@ -166,8 +167,15 @@ def move(
             move = scales.move[i] * (out[i] + noise)
             move = min(max(move, scales.moves[i, 0]), scales.moves[i, 1])
             state[i] = min(max(before + move, scales.low[i]), scales.high[i])
-        # The displacement after clipping: the one that the next state shows, not the one drawn.
-        state[d + i] = state[i] - before
+    for k in range(len(scales.circles)):
+        i, j = scales.circles[k]
+        here, there = math.hypot(state[d + i], state[d + j]), math.hypot(state[i], state[j])
+        if there > 0.0:  # else it has no direction
+            state[i] *= here / there
+            state[j] *= here / there
+    for i in range(d):
+        # The displacement after all of that: the one that the next state shows, not the one drawn.
+        state[d + i] = state[i] - state[d + i]
     # One draw for both ends, from either side, as in the model of trees.
     draw = draws.uniform[(at + d) & mask]
     kind = GOES_ON

@@ -3,11 +3,13 @@
 As in PETS (Chua, Calandra, McAllister and Levine 2018) each member predicts mean and variance of
 the displacement o' - o, given o and the action (and if asked the displacement before); members
 differ by their first weights and batches. Features with two values only are found and predicted as
-such. The reward of a step, and whether it ends the task, badly or well, are heads of the network.
+such, and two that are on a circle, as an angle's cosine and sine are, stay on it. The reward of a
+step, and whether it ends the task, badly or well, are heads of the network.
 
 All scales are fixed when the members are new; fitting on costs a fraction of fitting from scratch.
 """
 
+import itertools
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -15,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from eutree.arrays import Float32s, Floats, Integers
+from eutree.arrays import Booleans, Float32s, Floats, Integers
 from eutree.features import threshold_between
 from eutree.neural import Network, Scaling
 from eutree.neural.double_dqn import CHUNK, SLOWEST, copied, network_of, random_network
@@ -34,6 +36,7 @@ from eutree.world_model.transitions import Transitions
 
 N_KINDS = 3
 EXTRA_ENDS = 32  # rows of a batch that are last steps
+ROUND = 1e-5  # deviation of the squared distances from a circle's middle, in parts of their mean
 TAIL = 0.02  # percent of rewards and displacements cut off from predictions, on either side
 
 
@@ -74,17 +77,34 @@ def scales_of(data: Transitions) -> Scales:
     scaling, size = Scaling.of(_inputs(data)), np.abs(data.displacements)
     seen = np.concatenate([data.observations, data.next_observations])
     moves = np.percentile(data.displacements, [TAIL, 100.0 - TAIL], axis=0)
+    binary = np.array([np.unique(column).size == 2 for column in seen.T])
     return Scales(
         centre=np.array(scaling.mean),
         spread=np.array(scaling.spread),
         move=0.3 * data.displacements.std(axis=0) + 0.3 * np.percentile(size, 90, axis=0),
         # in C order, as after a restore: kernels are compiled for each order
         moves=np.ascontiguousarray(moves.T),
-        binary=np.array([np.unique(column).size == 2 for column in seen.T]),
+        binary=binary,
+        circles=circles_of(seen, ~binary & (seen.min(axis=0) < seen.max(axis=0))),
         low=seen.min(axis=0),
         high=seen.max(axis=0),
         earned=np.array([_rewards(data.rewards[kinds(data) == kind]) for kind in range(N_KINDS)]),
     )
+
+
+def circles_of(observations: Floats, may: Booleans) -> Integers:
+    """Return the pairs of features, of those that may, that are on a circle around 0, shape [C, 2].
+
+    An angle is observed as its cosine and sine. Errors that are predicted apart lead away from the
+    circle, to where no step was ever seen. A feature is on one circle at most.
+    """
+    squares, free = observations**2, np.flatnonzero(may).tolist()
+    pairs = list[tuple[int, int]]()
+    for i, j in itertools.combinations(free, 2):
+        distances = squares[:, i] + squares[:, j]
+        if not {i, j} & set(itertools.chain(*pairs)) and distances.std() < ROUND * distances.mean():
+            pairs.append((i, j))
+    return np.array(pairs, dtype=np.int64).reshape(-1, 2)
 
 
 def steps_of(data: Transitions, scales: Scales) -> Steps:
@@ -152,6 +172,8 @@ class Ensemble:
         cls, state: Mapping[str, NDArray[Any]], settings: EnsembleSettings, n_actions: int
     ) -> "Ensemble":
         """Return the ensemble whose ``state()`` this was."""
+        # An ensemble of a run before version 0.3 knows no circles.
+        state = {"circles": np.empty((0, 2), dtype=np.int64)} | dict(state)
         low, high = state["returns"].tolist()
         return cls(
             settings,

@@ -130,6 +130,8 @@ _MODEL = Part(
     save=Ensemble.state,
     make=lambda learner, state: learner.challengers.ensemble_of(state),
 )
+# Runs before version 0.3 know none, as tasks without angles.
+_CIRCLES = Part({"model_circles": Stored("i8", ("circles", 2), low=0, below="f")}, optional=True)
 _RACE = Part(
     {
         "race_returns": Stored("f8", "RX", nan=True),
@@ -179,5 +181,6 @@ def parts_of(start: Start, most_sums: int, model: EnsembleSettings) -> tuple[Par
         _NUMBERS_PART,
         _STUDENT,
         _MODEL,
+        _CIRCLES,
         _RACE,
     )
