@@ -97,6 +97,8 @@ def ensemble_step(world, draws, at, member, action, state):
             after[i] = np.clip(state[i] + move, scales.low[i], scales.high[i])
     for pair in scales.circles.tolist():
         after[pair] *= np.linalg.norm(state[pair]) / np.linalg.norm(after[pair])
+    for feature, weights in zip(scales.sums, scales.sum_weights, strict=True):
+        after[feature] = weights @ after[:d]
     after[d:] = after[:d] - state[:d]
     draw = draws.uniform[(at + d) % draws.uniform.size]
     kind = 0

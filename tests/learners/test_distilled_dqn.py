@@ -11,6 +11,7 @@ from eutree.data import Demonstrations
 from eutree.envs.experts import follow_the_fall
 from eutree.errors import FormatError, InvalidArgumentError
 from eutree.interaction import GuardedEnv, episode_seed
+from eutree.learners.declared import prefixed
 from eutree.learners.distilled_dqn import DistilledDQN
 from eutree.learners.distilled_dqn.races import RacedTree
 from eutree.learners.distilled_dqn.state import Stage
@@ -177,19 +178,30 @@ def test_a_learner_goes_on_from_any_stage_to_the_same_bytes(stage, whole, shown,
     assert [name for name in mine if mine[name].tobytes() != theirs[name].tobytes()] == []
 
 
-def test_a_model_without_circles_is_one_of_before(whole, shown):
+def test_a_model_keeps_what_binds_features_unless_it_is_of_before(whole, shown):
     problem, start = problem_of(shown), Start(None, shown.kept)
     state = dict(whole[1][Stage.RACE, "within"][0])
-    for pairs in (np.array([[0, 1], [3, 2]]), None):
-        del state["model_circles"]
-        if pairs is not None:
-            state["model_circles"] = pairs
-        checked_state("checkpoint.npz", state, METHOD, problem, start)
-        circles = METHOD.restore(problem, start, state).challengers.ensemble.scales.circles
-        assert circles.tolist() == ([] if pairs is None else pairs.tolist())
-    state["model_circles"] = np.array([[0, 4]])
-    with pytest.raises(FormatError, match=r"model_circles.*0\.\.3"):
-        checked_state("checkpoint.npz", state, METHOD, problem, start)
+    bound = {
+        "model_circles": np.array([[0, 1]]),
+        "model_sums": np.array([3]),
+        "model_sum_weights": np.array([[1.0, 0.0, 2.5, 0.0]]),
+    }
+    checked_state("checkpoint.npz", state | bound, METHOD, problem, start)
+    ensemble = METHOD.restore(problem, start, state | bound).challengers.ensemble
+    again = prefixed("model_", ensemble.state())
+    assert all(again[name].tolist() == array.tolist() for name, array in bound.items())
+    for name, wrong in (
+        ("model_circles", [[0, 4]]), ("model_sums", [4]), ("model_sums", [2, 3]),
+        ("model_sum_weights", [[1.0, 0.0, 2.5]]), ("model_sum_weights", [[np.nan] * 4]),
+    ):  # fmt: skip
+        wrong_state = state | bound | {name: np.array(wrong)}
+        with pytest.raises(FormatError, match="model_"):
+            checked_state("checkpoint.npz", wrong_state, METHOD, problem, start)
+    older = {name: array for name, array in state.items() if name not in bound}
+    checked_state("checkpoint.npz", older, METHOD, problem, start)
+    learner = METHOD.restore(problem, start, older)
+    assert learner.challengers.ensemble.scales.sums.size == 0
+    checked_state("checkpoint.npz", learner.state(), METHOD, problem, start)
 
 
 def test_a_state_has_the_sums_and_what_is_of_their_features(shown, env):

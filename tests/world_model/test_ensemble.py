@@ -10,11 +10,11 @@ from eutree.world_model import _kernels_ensemble as kernels
 from eutree.world_model import _kernels_ensemble_lanes as lanes
 from eutree.world_model.action_trees import packed
 from eutree.world_model.ensemble import (
-    Ensemble,
     EnsembleSettings,
     circles_of,
     fit_ensemble,
     kinds,
+    sums_of,
 )
 from eutree.world_model.ensemble_rollouts import EnsembleRollouts
 from tests import naive_neural
@@ -176,24 +176,30 @@ def test_an_end_that_a_rollout_overlooks_comes_where_it_led():
 def spins(n_episodes, seed):
     """A wheel of radius 2 that turns, pushed one way or the other, until it is fast.
 
-    Features: rate, position right and up, whether it turned left, a constant.
+    Features: rate, position right and up, whether it turns left, a constant, and two weighted sums.
     """
     generator = np.random.default_rng(seed)
     rows = []
     for episode in range(n_episodes):
         angle, rate = generator.uniform(-3, 3), 0.0
-        seen = (rate, 2 * np.cos(angle), 2 * np.sin(angle), 0.0, 2.0)
+        seen = wheel_seen(angle, rate)
         for _ in range(40):
             action = int(generator.integers(2))
             rate += 0.1 * (2 * action - 1)
             angle += rate
-            then = (rate, 2 * np.cos(angle), 2 * np.sin(angle), float(rate > 0.0), 2.0)
-            rows.append((seen, action, -1.0, then, abs(rate) > 0.8, episode))
+            then, fast = wheel_seen(angle, rate), abs(rate) > 0.8
+            rows.append((seen, action, -1.0, then, fast, episode))
             seen = then
-            if abs(rate) > 0.8:
+            if fast:
                 break
     o, a, r, later, ended, episodes = (np.array(c) for c in zip(*rows, strict=True))
     return Transitions(o, a, r, later, ended, episodes, 2)
+
+
+def wheel_seen(angle, rate):
+    right, up = 2 * np.cos(angle), 2 * np.sin(angle)
+    sums = up + 0.51 * rate, right - 1.3 * up + 5.0
+    return (rate, right, up, float(rate > 0.0), 2.0, *sums)
 
 
 @pytest.fixture(scope="module")
@@ -205,44 +211,56 @@ def test_circles_are_found(ensemble, wheel):
     assert wheel.scales.circles.tolist() == [[1, 2]]
     assert ensemble.scales.circles.tolist() == []
     o = spins(100, 0).observations
-    every = np.ones(o.shape[1], dtype=bool)
-    assert circles_of(o + 0.01, every).tolist() == []
-    assert circles_of(o, ~every).tolist() == []
+    assert circles_of(o + 0.01, [0, 1, 2]).tolist() == []
+    assert circles_of(o, [0, 1]).tolist() == []
     # Two wheels, and their features among one another.
     two = np.stack([o[:-1, 2], o[1:, 2], o[:-1, 1], o[1:, 1]], axis=1)
-    assert circles_of(two, every[:4]).tolist() == [[0, 2], [1, 3]]
+    assert circles_of(two, range(4)).tolist() == [[0, 2], [1, 3]]
 
 
-def test_what_is_on_a_circle_stays_on_it(wheel):
+def test_weighted_sums_are_found(ensemble, wheel):
+    assert ensemble.scales.sums.tolist() == []
+    assert wheel.scales.sums.tolist() == [5, 6]
+    # The constant 2 stands for what is added.
+    assert wheel.scales.sum_weights.tolist() == [
+        [0.51, 0, 1, 0, 0, 0, 0],
+        [0, 1, -1.3, 0, 2.5, 0, 0],
+    ]
+    o = spins(100, 0).observations
+    nearly = o.copy()
+    nearly[:, 5] += 0.001 * np.random.default_rng(0).standard_normal(len(o))
+    assert sums_of(nearly, [0, 1, 2, 5, 6])[0].tolist() == [6]
+    assert sums_of(o.astype(np.float32).astype(float), [0, 1, 2, 5, 6])[0].tolist() == [5, 6]
+    once = o[:, :6].copy()
+    once[1, 5] += 0.01  # in a row that the weights are not solved for
+    assert sums_of(once, [5])[0].tolist() == []
+    few = np.random.default_rng(0).standard_normal((4, 7))
+    assert sums_of(np.vstack([few, few]), range(7))[0].tolist() == []
+
+
+def test_what_is_bound_stays_so(wheel):
     rollouts = EnsembleRollouts(wheel, 30, np.random.default_rng(3))
-    rollouts.run(packed((1, 0.0, 0, 1)))
+    rollouts.run(packed((1, 0.0, 0, (5, 1.0, 1, 0))))
     states = rollouts._episodes.states[: rollouts.n_steps]
     assert len(states) > 300
-    np.testing.assert_allclose(np.hypot(states[:, 1], states[:, 2]), 2.0, rtol=1e-9)
+    o = states[:, :7]
+    np.testing.assert_allclose(np.hypot(o[:, 1], o[:, 2]), 2.0, rtol=1e-9)
+    np.testing.assert_allclose(o[:, 5], o[:, 2] + 0.51 * o[:, 0], atol=1e-9)
+    np.testing.assert_allclose(o[:, 6], o[:, 1] - 1.3 * o[:, 2] + 5.0, atol=1e-9)
     later = np.flatnonzero(np.diff(rollouts._episodes.owner[: rollouts.n_steps]) == 0) + 1
-    moved = states[later, :5] - states[later - 1, :5]
-    np.testing.assert_allclose(states[later, 5:], moved, atol=1e-12)
+    np.testing.assert_allclose(states[later, 7:], o[later] - o[later - 1], atol=1e-12)
 
 
-def test_a_step_on_a_circle_is_the_naive_step(wheel):
+def test_a_step_of_what_is_bound_is_the_naive_step(wheel):
     world, generator = wheel.world, np.random.default_rng(4)
     draws = lanes.Draws(generator.random(64), generator.standard_normal(64))
     for at in range(0, 300, 3):
-        angle, rate = generator.uniform(-3, 3), generator.uniform(-1, 1)
-        seen = [rate, 2 * np.cos(angle), 2 * np.sin(angle), float(rate > 0), 2.0]
-        state = np.array([*seen, *np.zeros(5)])
+        seen = wheel_seen(generator.uniform(-3, 3), generator.uniform(-1, 1))
+        state = np.array([*seen, *np.zeros(7)])
         member, action = int(generator.integers(2)), int(generator.integers(2))
         expected = naive_neural.ensemble_step(world, draws, at, member, action, state)
         stepped(world, draws, at, member, action, state)
         np.testing.assert_allclose(state, expected[0], atol=1e-4)
-
-
-def test_an_older_ensemble_knows_no_circles(wheel):
-    state = wheel.state()
-    same = Ensemble.from_state(state, wheel.settings, 2)
-    assert same.scales.circles.tolist() == [[1, 2]]
-    del state["circles"]
-    assert Ensemble.from_state(state, wheel.settings, 2).scales.circles.shape == (0, 2)
 
 
 CAREFUL = packed((0, 1.5, GO, (0, 3.2, (1, 0.5, GO, STAY), GO)))

@@ -150,8 +150,8 @@ def move(
     """Move one step as a member's output says; return the reward and whether it was the last.
 
     The same entries of the tables decide under every policy: from ``at`` on one for each feature,
-    then one for the end. States and displacements stay in the range that was seen, or at their
-    distance from the middle of a circle.
+    then one for the end. States and displacements stay in the range that was seen, but for those
+    that stay on a circle, and sums of others, which are of the next state as it is.
     """
     d, mask = scales.move.size, draws.uniform.size - 1
     for i in range(d):
@@ -173,6 +173,11 @@ def move(
         if there > 0.0:  # else it has no direction
             state[i] *= here / there
             state[j] *= here / there
+    for k in range(scales.sums.size):
+        total = 0.0
+        for i in range(d):
+            total += scales.sum_weights[k, i] * state[i]
+        state[scales.sums[k]] = total
     for i in range(d):
         # The displacement after all of that: the one that the next state shows, not the one drawn.
         state[d + i] = state[i] - state[d + i]

@@ -3,21 +3,22 @@
 As in PETS (Chua, Calandra, McAllister and Levine 2018) each member predicts mean and variance of
 the displacement o' - o, given o and the action (and if asked the displacement before); members
 differ by their first weights and batches. Features with two values only are found and predicted as
-such, and two that are on a circle, as an angle's cosine and sine are, stay on it. The reward of a
-step, and whether it ends the task, badly or well, are heads of the network.
+such; two that are on a circle, as an angle's cosine and sine are, stay on it, and one that is a
+weighted sum of others stays their sum. The reward of a step, and whether it ends the task, badly or
+well, are heads of the network.
 
 All scales are fixed when the members are new; fitting on costs a fraction of fitting from scratch.
 """
 
 import itertools
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from eutree.arrays import Booleans, Float32s, Floats, Integers
+from eutree.arrays import Float32s, Floats, Integers
 from eutree.features import threshold_between
 from eutree.neural import Network, Scaling
 from eutree.neural.double_dqn import CHUNK, SLOWEST, copied, network_of, random_network
@@ -37,6 +38,9 @@ from eutree.world_model.transitions import Transitions
 N_KINDS = 3
 EXTRA_ENDS = 32  # rows of a batch that are last steps
 ROUND = 1e-5  # deviation of the squared distances from a circle's middle, in parts of their mean
+EXACT = 1e-5  # largest error of a weighted sum, in standard deviations of it
+DIGITS = 9  # behind the point, of its weights
+SOLVED = 1000  # rows that its weights are solved for; all rows have to agree
 TAIL = 0.02  # percent of rewards and displacements cut off from predictions, on either side
 
 
@@ -78,6 +82,8 @@ def scales_of(data: Transitions) -> Scales:
     seen = np.concatenate([data.observations, data.next_observations])
     moves = np.percentile(data.displacements, [TAIL, 100.0 - TAIL], axis=0)
     binary = np.array([np.unique(column).size == 2 for column in seen.T])
+    quantities = np.flatnonzero(~binary & (seen.min(axis=0) < seen.max(axis=0))).tolist()
+    sums, weights = sums_of(seen, quantities)
     return Scales(
         centre=np.array(scaling.mean),
         spread=np.array(scaling.spread),
@@ -85,26 +91,51 @@ def scales_of(data: Transitions) -> Scales:
         # in C order, as after a restore: kernels are compiled for each order
         moves=np.ascontiguousarray(moves.T),
         binary=binary,
-        circles=circles_of(seen, ~binary & (seen.min(axis=0) < seen.max(axis=0))),
+        circles=circles_of(seen, quantities),
+        sums=sums,
+        sum_weights=weights,
         low=seen.min(axis=0),
         high=seen.max(axis=0),
         earned=np.array([_rewards(data.rewards[kinds(data) == kind]) for kind in range(N_KINDS)]),
     )
 
 
-def circles_of(observations: Floats, may: Booleans) -> Integers:
-    """Return the pairs of features, of those that may, that are on a circle around 0, shape [C, 2].
+def circles_of(observations: Floats, features: Sequence[int]) -> Integers:
+    """Return the pairs of some features that are on a circle around 0, shape [C, 2].
 
     An angle is observed as its cosine and sine. Errors that are predicted apart lead away from the
     circle, to where no step was ever seen. A feature is on one circle at most.
     """
-    squares, free = observations**2, np.flatnonzero(may).tolist()
-    pairs = list[tuple[int, int]]()
-    for i, j in itertools.combinations(free, 2):
+    squares, pairs = observations**2, list[tuple[int, int]]()
+    for i, j in itertools.combinations(features, 2):
         distances = squares[:, i] + squares[:, j]
         if not {i, j} & set(itertools.chain(*pairs)) and distances.std() < ROUND * distances.mean():
             pairs.append((i, j))
     return np.array(pairs, dtype=np.int64).reshape(-1, 2)
+
+
+def sums_of(observations: Floats, features: Sequence[int]) -> tuple[Integers, Floats]:
+    """Return those of some features that are weighted sums of features before them, and weights.
+
+    Trees ask for such sums beside what they are made of. Predicted apart, the two drift apart.
+
+    Returns:
+        The features [K] and the weights of all features in each [K, d].
+    """
+    rows = observations[:: -(-len(observations) // SOLVED)]
+    sums, weights = list[int](), list[Floats]()
+    # In few rows anything is a sum of anything.
+    for j in features if len(observations) > 10 * len(features) else ():
+        others = [i for i in range(j) if i not in sums]
+        row = np.zeros(observations.shape[1])
+        row[others] = np.linalg.lstsq(rows[:, others], rows[:, j], rcond=None)[0]
+        row = np.round(row, DIGITS)  # what else libraries of linear algebra may differ in
+        errors = np.abs((observations * row).sum(axis=1) - observations[:, j])
+        if errors.max() < EXACT * observations[:, j].std():
+            sums.append(j)
+            weights.append(row)
+    found = np.array(weights).reshape(-1, observations.shape[1])
+    return np.array(sums, dtype=np.int64), found
 
 
 def steps_of(data: Transitions, scales: Scales) -> Steps:
@@ -171,9 +202,13 @@ class Ensemble:
     def from_state(
         cls, state: Mapping[str, NDArray[Any]], settings: EnsembleSettings, n_actions: int
     ) -> "Ensemble":
-        """Return the ensemble whose ``state()`` this was."""
-        # An ensemble of a run before version 0.3 knows no circles.
-        state = {"circles": np.empty((0, 2), dtype=np.int64)} | dict(state)
+        """Return the ensemble whose ``state()`` this was, also of a run before version 0.3."""
+        unbound: dict[str, NDArray[Any]] = {
+            "circles": np.empty((0, 2), dtype=np.int64),
+            "sums": np.empty(0, dtype=np.int64),
+            "sum_weights": np.empty((0, state["move"].size)),
+        }
+        state = unbound | dict(state)
         low, high = state["returns"].tolist()
         return cls(
             settings,

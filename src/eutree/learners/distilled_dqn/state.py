@@ -130,8 +130,14 @@ _MODEL = Part(
     save=Ensemble.state,
     make=lambda learner, state: learner.challengers.ensemble_of(state),
 )
-# Runs before version 0.3 know none, as tasks without angles.
-_CIRCLES = Part({"model_circles": Stored("i8", ("circles", 2), low=0, below="f")}, optional=True)
+_BOUND = Part(
+    {
+        "model_circles": Stored("i8", ("circles", 2), low=0, below="f"),
+        "model_sums": Stored("i8", ("bound",), low=0, below="f"),
+        "model_sum_weights": Stored("f8", ("bound", "f")),
+    },
+    optional=True,  # in runs before version 0.3
+)
 _RACE = Part(
     {
         "race_returns": Stored("f8", "RX", nan=True),
@@ -181,6 +187,6 @@ def parts_of(start: Start, most_sums: int, model: EnsembleSettings) -> tuple[Par
         _NUMBERS_PART,
         _STUDENT,
         _MODEL,
-        _CIRCLES,
+        _BOUND,
         _RACE,
     )
