@@ -72,7 +72,7 @@ def ensemble_loss(out, target, reward, kind, binary, weight):
     return first, second
 
 
-def ensemble_step(world, draws, at, member, action, state):
+def ensemble_step(world, draws, at, member, action, state, derivation=None):
     """Return next state, reward and whether the step was the last, by the obvious formulas."""
     members, scales = world.members, world.scales
     d = len(scales.move)
@@ -97,8 +97,8 @@ def ensemble_step(world, draws, at, member, action, state):
             after[i] = np.clip(state[i] + move, scales.low[i], scales.high[i])
     for pair in scales.circles.tolist():
         after[pair] *= np.linalg.norm(state[pair]) / np.linalg.norm(after[pair])
-    for feature, weights in zip(scales.sums, scales.sum_weights, strict=True):
-        after[feature] = weights @ after[:d]
+    if derivation is not None:
+        after[:d] = derivation.rows(after[: derivation.n_measured], state[:d])
     after[d:] = after[:d] - state[:d]
     draw = draws.uniform[(at + d) % draws.uniform.size]
     kind = 0

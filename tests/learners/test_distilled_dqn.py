@@ -11,7 +11,6 @@ from eutree.data import Demonstrations
 from eutree.envs.experts import follow_the_fall
 from eutree.errors import FormatError, InvalidArgumentError
 from eutree.interaction import GuardedEnv, episode_seed
-from eutree.learners.declared import prefixed
 from eutree.learners.distilled_dqn import DistilledDQN
 from eutree.learners.distilled_dqn.races import RacedTree
 from eutree.learners.distilled_dqn.state import Stage
@@ -178,30 +177,19 @@ def test_a_learner_goes_on_from_any_stage_to_the_same_bytes(stage, whole, shown,
     assert [name for name in mine if mine[name].tobytes() != theirs[name].tobytes()] == []
 
 
-def test_a_model_keeps_what_binds_features_unless_it_is_of_before(whole, shown):
+def test_a_model_keeps_its_circles_unless_it_is_of_before(whole, shown):
     problem, start = problem_of(shown), Start(None, shown.kept)
     state = dict(whole[1][Stage.RACE, "within"][0])
-    bound = {
-        "model_circles": np.array([[0, 1]]),
-        "model_sums": np.array([3]),
-        "model_sum_weights": np.array([[1.0, 0.0, 2.5, 0.0]]),
-    }
-    checked_state("checkpoint.npz", state | bound, METHOD, problem, start)
-    ensemble = METHOD.restore(problem, start, state | bound).challengers.ensemble
-    again = prefixed("model_", ensemble.state())
-    assert all(again[name].tolist() == array.tolist() for name, array in bound.items())
-    for name, wrong in (
-        ("model_circles", [[0, 4]]), ("model_sums", [4]), ("model_sums", [2, 3]),
-        ("model_sum_weights", [[1.0, 0.0, 2.5]]), ("model_sum_weights", [[np.nan] * 4]),
-    ):  # fmt: skip
-        wrong_state = state | bound | {name: np.array(wrong)}
-        with pytest.raises(FormatError, match="model_"):
-            checked_state("checkpoint.npz", wrong_state, METHOD, problem, start)
-    older = {name: array for name, array in state.items() if name not in bound}
-    checked_state("checkpoint.npz", older, METHOD, problem, start)
-    learner = METHOD.restore(problem, start, older)
-    assert learner.challengers.ensemble.scales.sums.size == 0
-    checked_state("checkpoint.npz", learner.state(), METHOD, problem, start)
+    assert state.pop("model_circles").shape == (0, 2)
+    for circles in (np.array([[0, 1], [3, 2]]), None):
+        known = state if circles is None else state | {"model_circles": circles}
+        checked_state("checkpoint.npz", known, METHOD, problem, start)
+        learner = METHOD.restore(problem, start, known)
+        again = learner.state()["model_circles"]
+        assert again.tolist() == ([] if circles is None else circles.tolist())
+    wrong = state | {"model_circles": np.array([[0, 4]])}
+    with pytest.raises(FormatError, match=r"model_circles.*0\.\.3"):
+        checked_state("checkpoint.npz", wrong, METHOD, problem, start)
 
 
 def test_a_state_has_the_sums_and_what_is_of_their_features(shown, env):

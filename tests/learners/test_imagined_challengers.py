@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from eutree.features import Derivation
 from eutree.learners.distilled_dqn import races
 from eutree.learners.distilled_dqn.races import PARTS, RECIPES, ImaginedChallengers
 from eutree.learners.distilled_dqn.teaching import Experience, Students
@@ -49,7 +50,9 @@ SETTINGS = EnsembleSettings(members=2, hidden=16, batch=32, updates=300, more_up
 
 
 def challengers_of(students: Students, limit: int = LIMIT) -> ImaginedChallengers:
-    return ImaginedChallengers(SETTINGS, students, lived_through(), n_actions=2, max_leaves=limit)
+    return ImaginedChallengers(
+        SETTINGS, students, lived_through(), 2, limit, derivation=lambda: Derivation(2)
+    )
 
 
 @pytest.mark.parametrize(("limit", "of_large"), [(LIMIT, 32), (40, 40)])

@@ -4,20 +4,27 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+from eutree.compiled import compiled
+from eutree.features import Derivation
+from eutree.schema import Schema
 from eutree.world_model import Transitions
 from eutree.world_model import _kernels_ensemble as kernels
 from eutree.world_model import _kernels_ensemble_lanes as lanes
+from eutree.world_model._kernels_formulas import derive, laid_out
 from eutree.world_model.action_trees import packed
 from eutree.world_model.ensemble import (
     EnsembleSettings,
     circles_of,
     fit_ensemble,
     kinds,
-    sums_of,
 )
 from eutree.world_model.ensemble_rollouts import EnsembleRollouts
+from eutree.world_model.transitions import seen_as
 from tests import naive_neural
+from tests.random_formulas import formulas_of
 
 STAY, GO = 0, 1
 PIT, GOAL = -50.0, 100.0
@@ -100,7 +107,7 @@ def stepped(world, draws, at, member, action, state):
     under_way.states[0] = state
     lanes.look(world, member, packed(action), under_way, 1)
     out = under_way.out.reshape(-1, lanes.LANES)[:, 0].copy()
-    return lanes.move(world.scales, draws, at, out, state)
+    return lanes.move(world, draws, at, out, state)
 
 
 def test_a_step_is_the_naive_step(ensemble):
@@ -173,33 +180,39 @@ def test_an_end_that_a_rollout_overlooks_comes_where_it_led():
     assert np.mean(shares) == pytest.approx(0.1, abs=0.05)
 
 
+WHEEL = Derivation.of(
+    Schema.anonymous(5, 2).derive(
+        ["lead = x2 + 0.51 * x0", "turned = x1 - last(x1) if x0 > 0 else min(lead, 1)"]
+    )
+)
+
+
 def spins(n_episodes, seed):
     """A wheel of radius 2 that turns, pushed one way or the other, until it is fast.
 
-    Features: rate, position right and up, whether it turns left, a constant, and two weighted sums.
+    Features: rate, position right and up, whether it turns left, a constant, and ``WHEEL``'s.
     """
     generator = np.random.default_rng(seed)
     rows = []
     for episode in range(n_episodes):
         angle, rate = generator.uniform(-3, 3), 0.0
-        seen = wheel_seen(angle, rate)
+        seen = wheel_seen(angle, rate, None)
         for _ in range(40):
             action = int(generator.integers(2))
             rate += 0.1 * (2 * action - 1)
             angle += rate
-            then, fast = wheel_seen(angle, rate), abs(rate) > 0.8
+            then, fast = wheel_seen(angle, rate, seen), abs(rate) > 0.8
             rows.append((seen, action, -1.0, then, fast, episode))
             seen = then
             if fast:
                 break
     o, a, r, later, ended, episodes = (np.array(c) for c in zip(*rows, strict=True))
-    return Transitions(o, a, r, later, ended, episodes, 2)
+    return seen_as(WHEEL, Transitions(o, a, r, later, ended, episodes, 2))
 
 
-def wheel_seen(angle, rate):
-    right, up = 2 * np.cos(angle), 2 * np.sin(angle)
-    sums = up + 0.51 * rate, right - 1.3 * up + 5.0
-    return (rate, right, up, float(rate > 0.0), 2.0, *sums)
+def wheel_seen(angle, rate, before):
+    measured = rate, 2 * np.cos(angle), 2 * np.sin(angle), float(rate > 0.0), 2.0
+    return WHEEL.rows(np.array(measured), before)
 
 
 @pytest.fixture(scope="module")
@@ -218,49 +231,58 @@ def test_circles_are_found(ensemble, wheel):
     assert circles_of(two, range(4)).tolist() == [[0, 2], [1, 3]]
 
 
-def test_weighted_sums_are_found(ensemble, wheel):
-    assert ensemble.scales.sums.tolist() == []
-    assert wheel.scales.sums.tolist() == [5, 6]
-    # The constant 2 stands for what is added.
-    assert wheel.scales.sum_weights.tolist() == [
-        [0.51, 0, 1, 0, 0, 0, 0],
-        [0, 1, -1.3, 0, 2.5, 0, 0],
-    ]
-    o = spins(100, 0).observations
-    nearly = o.copy()
-    nearly[:, 5] += 0.001 * np.random.default_rng(0).standard_normal(len(o))
-    assert sums_of(nearly, [0, 1, 2, 5, 6])[0].tolist() == [6]
-    assert sums_of(o.astype(np.float32).astype(float), [0, 1, 2, 5, 6])[0].tolist() == [5, 6]
-    once = o[:, :6].copy()
-    once[1, 5] += 0.01  # in a row that the weights are not solved for
-    assert sums_of(once, [5])[0].tolist() == []
-    few = np.random.default_rng(0).standard_normal((4, 7))
-    assert sums_of(np.vstack([few, few]), range(7))[0].tolist() == []
-
-
-def test_what_is_bound_stays_so(wheel):
+def test_angles_stay_angles_and_what_is_derived_is_computed(wheel):
     rollouts = EnsembleRollouts(wheel, 30, np.random.default_rng(3))
     rollouts.run(packed((1, 0.0, 0, (5, 1.0, 1, 0))))
     states = rollouts._episodes.states[: rollouts.n_steps]
     assert len(states) > 300
     o = states[:, :7]
     np.testing.assert_allclose(np.hypot(o[:, 1], o[:, 2]), 2.0, rtol=1e-9)
-    np.testing.assert_allclose(o[:, 5], o[:, 2] + 0.51 * o[:, 0], atol=1e-9)
-    np.testing.assert_allclose(o[:, 6], o[:, 1] - 1.3 * o[:, 2] + 5.0, atol=1e-9)
     later = np.flatnonzero(np.diff(rollouts._episodes.owner[: rollouts.n_steps]) == 0) + 1
+    for k in later.tolist():
+        assert WHEEL.rows(o[k, :5], o[k - 1]).tolist() == o[k].tolist()
     np.testing.assert_allclose(states[later, 7:], o[later] - o[later - 1], atol=1e-12)
 
 
-def test_a_step_of_what_is_bound_is_the_naive_step(wheel):
+def test_a_step_of_an_angle_is_the_naive_step(wheel):
     world, generator = wheel.world, np.random.default_rng(4)
     draws = lanes.Draws(generator.random(64), generator.standard_normal(64))
     for at in range(0, 300, 3):
-        seen = wheel_seen(generator.uniform(-3, 3), generator.uniform(-1, 1))
+        seen = wheel_seen(generator.uniform(-3, 3), generator.uniform(-1, 1), None)
         state = np.array([*seen, *np.zeros(7)])
         member, action = int(generator.integers(2)), int(generator.integers(2))
-        expected = naive_neural.ensemble_step(world, draws, at, member, action, state)
-        stepped(world, draws, at, member, action, state)
+        known = world, draws, at, member, action, state
+        expected = naive_neural.ensemble_step(*known, WHEEL)
+        stepped(*known)
         np.testing.assert_allclose(state, expected[0], atol=1e-4)
+
+
+@compiled
+def derived_in(formulas, state):
+    derive(formulas, state)
+
+
+@given(
+    st.lists(formulas_of("x0", "x1", "2", "0.5", "last(x1)"), min_size=1, max_size=3),
+    st.lists(st.sampled_from([-2.0, -0.5, 0.0, 0.3, 1.0, 7.0]), min_size=4, max_size=4),
+)
+def test_a_formula_is_computed_to_the_bit(formulas, numbers):
+    """Also those that are made of others."""
+    declared = [f"f{k} = {text}" for k, text in enumerate(formulas)]
+    declared.append("last one = f0 - last(f0)")
+    derivation = Derivation.of(Schema.anonymous(2, 2).derive(declared))
+    before = derivation.rows(np.array(numbers[2:]))
+    state = np.array([*numbers[:2], *np.zeros(len(declared)), *before])
+    derived_in(laid_out(derivation), state)
+    expected = derivation.rows(np.array(numbers[:2]), before)
+    np.testing.assert_array_equal(state[: expected.size], expected)
+
+
+def test_derived_features_are_known_only_where_all_are_there(data):
+    assert seen_as(WHEEL, data).derivation.formulas == ()  # of three numbers
+    plain = replace(spins(2, 0), derivation=Derivation(0))
+    assert seen_as(WHEEL, plain).derivation is WHEEL
+    assert seen_as(Derivation(7), plain).derivation.formulas == ()
 
 
 CAREFUL = packed((0, 1.5, GO, (0, 3.2, (1, 0.5, GO, STAY), GO)))

@@ -166,7 +166,7 @@ class ImaginedEpisodes:
         else:
             shown = self.experience.with_history(policy.history, policy.past_actions)
             known = Transitions.of(shown.kept, policy.schema.n_actions)
-        known = seen_as(policy.derivation.behind, known)
+        known = seen_as(policy.derivation, known)
         if known.observations.shape[1] != policy.tree.n_features or not known.rewards.size:
             raise InvalidArgumentError(
                 f"experience must hold transitions of {policy.tree.n_features} features, "

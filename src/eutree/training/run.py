@@ -189,7 +189,7 @@ class Run:
         known = transitions_of(self.learner.history, policy.schema.n_actions)
         return PolicySearch(
             policy,
-            seen_as(policy.derivation.behind, known),
+            seen_as(policy.derivation, known),
             replace(self.plan.race, keep_success=self.plan.keep_success),
             seed=self.plan.seed,
             max_episode_steps=self.beginning.problem.max_episode_steps,

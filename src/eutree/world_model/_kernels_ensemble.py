@@ -56,8 +56,6 @@ class Scales(NamedTuple):
     moves: Floats  # [d, 2] least and largest displacement, a few in ten thousand left out
     binary: Booleans  # [d] which features have two values only
     circles: Integers  # [C, 2] pairs of features that stay on a circle, as cosine and sine do
-    sums: Integers  # [K] features that are weighted sums of others
-    sum_weights: Floats  # [K, d] the weight of each feature in each
     low: Floats  # [d] least value of each feature
     high: Floats  # [d] largest value of each feature
     earned: Floats  # [3, 4] mean, unit, least and largest reward of each kind of step

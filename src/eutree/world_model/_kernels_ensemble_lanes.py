@@ -23,6 +23,7 @@ from eutree.world_model._kernels_ensemble import (
     Scales,
     logistic,
 )
+from eutree.world_model._kernels_formulas import Formulas, derive
 
 LANES = 64
 VECTOR = 16  # 32-bit numbers in the widest vector: lanes are counted up to a multiple
@@ -37,6 +38,7 @@ class EnsembleWorld(NamedTuple):
 
     members: Network  # each array of all members [M, ...]
     scales: Scales
+    formulas: Formulas  # of the derived features
     tally: Integers  # [1] steps taken in it so far
 
 
@@ -141,7 +143,7 @@ def look(
 
 @inlined
 def move(
-    scales: Scales,
+    world: EnsembleWorld,
     draws: Draws,
     at: int,
     out: Float32s,  # [q]
@@ -151,8 +153,9 @@ def move(
 
     The same entries of the tables decide under every policy: from ``at`` on one for each feature,
     then one for the end. States and displacements stay in the range that was seen, but for those
-    that stay on a circle, and sums of others, which are of the next state as it is.
+    that stay on a circle and for derived features, which are those of the next state.
     """
+    scales = world.scales
     d, mask = scales.move.size, draws.uniform.size - 1
     for i in range(d):
         before = state[d + i] = state[i]
@@ -173,11 +176,7 @@ def move(
         if there > 0.0:  # else it has no direction
             state[i] *= here / there
             state[j] *= here / there
-    for k in range(scales.sums.size):
-        total = 0.0
-        for i in range(d):
-            total += scales.sum_weights[k, i] * state[i]
-        state[scales.sums[k]] = total
+    derive(world.formulas, state)
     for i in range(d):
         # The displacement after all of that: the one that the next state shows, not the one drawn.
         state[d + i] = state[i] - state[d + i]
@@ -242,7 +241,7 @@ def go_on(
                 for j in range(out.size):
                     out[j] = lanes.out[j * LANES + lane]
                 at = lanes.owners[lane] * EPISODE_STRIDE + lanes.steps[lane] * (d + 1)
-                reward, ends = move(world.scales, draws, at, out, lanes.states[lane])
+                reward, ends = move(world, draws, at, out, lanes.states[lane])
                 totals[lanes.tasks[lane]] += reward
                 lanes.steps[lane] += 1
                 if ends or lanes.steps[lane] >= horizon:

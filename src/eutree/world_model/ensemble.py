@@ -3,9 +3,9 @@
 As in PETS (Chua, Calandra, McAllister and Levine 2018) each member predicts mean and variance of
 the displacement o' - o, given o and the action (and if asked the displacement before); members
 differ by their first weights and batches. Features with two values only are found and predicted as
-such; two that are on a circle, as an angle's cosine and sine are, stay on it, and one that is a
-weighted sum of others stays their sum. The reward of a step, and whether it ends the task, badly or
-well, are heads of the network.
+such; two that are on a circle, as an angle's cosine and sine are, stay on it, and derived ones are
+computed in place of predicted. The reward of a step, and whether it ends the task, badly or well,
+are heads of the network.
 
 All scales are fixed when the members are new; fitting on costs a fraction of fitting from scratch.
 """
@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eutree.arrays import Float32s, Floats, Integers
-from eutree.features import threshold_between
+from eutree.features import Derivation, threshold_between
 from eutree.neural import Network, Scaling
 from eutree.neural.double_dqn import CHUNK, SLOWEST, copied, network_of, random_network
 from eutree.validation import check_amounts, check_number
@@ -33,14 +33,12 @@ from eutree.world_model._kernels_ensemble import (
     Steps,
 )
 from eutree.world_model._kernels_ensemble_lanes import ROWS, EnsembleWorld
+from eutree.world_model._kernels_formulas import laid_out
 from eutree.world_model.transitions import Transitions
 
 N_KINDS = 3
 EXTRA_ENDS = 32  # rows of a batch that are last steps
 ROUND = 1e-5  # deviation of the squared distances from a circle's middle, in parts of their mean
-EXACT = 1e-5  # largest error of a weighted sum, in standard deviations of it
-DIGITS = 9  # behind the point, of its weights
-SOLVED = 1000  # rows that its weights are solved for; all rows have to agree
 TAIL = 0.02  # percent of rewards and displacements cut off from predictions, on either side
 
 
@@ -83,7 +81,6 @@ def scales_of(data: Transitions) -> Scales:
     moves = np.percentile(data.displacements, [TAIL, 100.0 - TAIL], axis=0)
     binary = np.array([np.unique(column).size == 2 for column in seen.T])
     quantities = np.flatnonzero(~binary & (seen.min(axis=0) < seen.max(axis=0))).tolist()
-    sums, weights = sums_of(seen, quantities)
     return Scales(
         centre=np.array(scaling.mean),
         spread=np.array(scaling.spread),
@@ -92,8 +89,6 @@ def scales_of(data: Transitions) -> Scales:
         moves=np.ascontiguousarray(moves.T),
         binary=binary,
         circles=circles_of(seen, quantities),
-        sums=sums,
-        sum_weights=weights,
         low=seen.min(axis=0),
         high=seen.max(axis=0),
         earned=np.array([_rewards(data.rewards[kinds(data) == kind]) for kind in range(N_KINDS)]),
@@ -112,30 +107,6 @@ def circles_of(observations: Floats, features: Sequence[int]) -> Integers:
         if not {i, j} & set(itertools.chain(*pairs)) and distances.std() < ROUND * distances.mean():
             pairs.append((i, j))
     return np.array(pairs, dtype=np.int64).reshape(-1, 2)
-
-
-def sums_of(observations: Floats, features: Sequence[int]) -> tuple[Integers, Floats]:
-    """Return those of some features that are weighted sums of features before them, and weights.
-
-    Trees ask for such sums beside what they are made of. Predicted apart, the two drift apart.
-
-    Returns:
-        The features [K] and the weights of all features in each [K, d].
-    """
-    rows = observations[:: -(-len(observations) // SOLVED)]
-    sums, weights = list[int](), list[Floats]()
-    # In few rows anything is a sum of anything.
-    for j in features if len(observations) > 10 * len(features) else ():
-        others = [i for i in range(j) if i not in sums]
-        row = np.zeros(observations.shape[1])
-        row[others] = np.linalg.lstsq(rows[:, others], rows[:, j], rcond=None)[0]
-        row = np.round(row, DIGITS)  # what else libraries of linear algebra may differ in
-        errors = np.abs((observations * row).sum(axis=1) - observations[:, j])
-        if errors.max() < EXACT * observations[:, j].std():
-            sums.append(j)
-            weights.append(row)
-    found = np.array(weights).reshape(-1, observations.shape[1])
-    return np.array(sums, dtype=np.int64), found
 
 
 def steps_of(data: Transitions, scales: Scales) -> Steps:
@@ -175,13 +146,16 @@ class Ensemble:
     starts: Floats  # [E, d]; first observations of the stored episodes
     horizon: int  # steps after which a rollout is cut
     returns: tuple[float, float]  # the 1st and 98th percentile of the stored episodes' returns
+    derivation: Derivation  # how derived features are computed
 
     @property
     def world(self) -> EnsembleWorld:
         """The members as the compiled loops take them, no step taken yet."""
         networks = [_filled_up(network_of(row, *self.size)) for row in self.weights]
         members = Network._make(np.stack(arrays) for arrays in zip(*networks, strict=True))
-        return EnsembleWorld(members, self.scales, np.zeros(1, dtype=np.int64))
+        return EnsembleWorld(
+            members, self.scales, laid_out(self.derivation), np.zeros(1, dtype=np.int64)
+        )
 
     @property
     def size(self) -> tuple[int, int, int]:
@@ -190,7 +164,7 @@ class Ensemble:
         return self.scales.centre.size + self.n_actions, self.settings.hidden, 2 * d + 5
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Return the ensemble as arrays; ``from_state`` takes them back."""
+        """Return the ensemble as arrays, its derivation apart; ``from_state`` takes them back."""
         return self.scales._asdict() | {
             "weights": self.weights,
             "starts": self.starts,
@@ -200,15 +174,14 @@ class Ensemble:
 
     @classmethod
     def from_state(
-        cls, state: Mapping[str, NDArray[Any]], settings: EnsembleSettings, n_actions: int
+        cls,
+        state: Mapping[str, NDArray[Any]],
+        settings: EnsembleSettings,
+        n_actions: int,
+        derivation: Derivation,
     ) -> "Ensemble":
         """Return the ensemble whose ``state()`` this was, also of a run before version 0.3."""
-        unbound: dict[str, NDArray[Any]] = {
-            "circles": np.empty((0, 2), dtype=np.int64),
-            "sums": np.empty(0, dtype=np.int64),
-            "sum_weights": np.empty((0, state["move"].size)),
-        }
-        state = unbound | dict(state)
+        state = {"circles": np.empty((0, 2), dtype=np.int64)} | dict(state)
         low, high = state["returns"].tolist()
         return cls(
             settings,
@@ -218,6 +191,7 @@ class Ensemble:
             np.ascontiguousarray(state["starts"]),
             int(state["horizon"][0]),
             (low, high),
+            derivation,
         )
 
     def fitted_on(self, data: Transitions, generator: np.random.Generator) -> "Ensemble":
@@ -268,10 +242,9 @@ def fit_ensemble(
 ) -> Ensemble:
     """Fit a new ensemble to transitions, at least one."""
     scales = scales_of(replace(data, memory=settings.memory))
-    none = np.zeros((0, 0))
-    empty = Ensemble(
-        settings, scales, none.astype(np.float32), data.n_actions, none, data.horizon(), (0.0, 0.0)
-    )
+    none, n_actions, horizon = np.zeros((0, 0)), data.n_actions, data.horizon()
+    known = none.astype(np.float32), n_actions, none, horizon, (0.0, 0.0), data.derivation
+    empty = Ensemble(settings, scales, *known)
     fresh = (random_network(*empty.size, generator).weights for _ in range(settings.members))
     return empty._fitted(fresh, data, generator, settings.updates, settings.rate, recent=0)
 

@@ -1,6 +1,6 @@
 """Stored transitions as a world model and a planner see them."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -8,6 +8,9 @@ import numpy as np
 
 from eutree.arrays import Booleans, Floats, Integers
 from eutree.data import Episode
+from eutree.features import Derivation
+
+NOTHING_DERIVED = Derivation(0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,6 +26,7 @@ class Transitions:
         episodes: Number of the transition's episode, ascending.
         n_actions: Number of actions A.
         memory: Whether the displacement before each transition is to be known.
+        derivation: How the derived features among those of an observation are computed.
     """
 
     observations: Floats  # [N, d]
@@ -33,6 +37,7 @@ class Transitions:
     episodes: Integers  # [N]
     n_actions: int
     memory: bool = True
+    derivation: Derivation = NOTHING_DERIVED
 
     @classmethod
     def of(cls, episodes: Sequence[Episode], n_actions: int) -> "Transitions":
@@ -178,7 +183,13 @@ class Transitions:
         return replace(self, **{name: getattr(self, name)[rows] for name in names})
 
 
-def seen_as(features: Callable[[Floats], Floats], data: Transitions) -> Transitions:
-    """Return transitions with the features of observations [N, d], shape [N, f]."""
-    seen = features(data.observations), features(data.next_observations)
-    return replace(data, observations=seen[0], next_observations=seen[1])
+def seen_as(derivation: Derivation, data: Transitions) -> Transitions:
+    """Return transitions with those derived features of observations that are not there yet."""
+    seen = derivation.behind(data.observations)
+    complete = seen.shape[1] == derivation.n_measured + len(derivation.formulas)
+    return replace(
+        data,
+        observations=seen,
+        next_observations=derivation.behind(data.next_observations),
+        derivation=derivation if complete else NOTHING_DERIVED,
+    )

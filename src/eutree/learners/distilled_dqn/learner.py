@@ -1,12 +1,14 @@
 """The learner of ``distilled-dqn``: the stages that it goes through, one after the other."""
 
 from dataclasses import dataclass, field
+from functools import partial
 from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 from eutree.arrays import Booleans, Floats
 from eutree.errors import InvalidArgumentError
+from eutree.features import Derivation
 from eutree.learners.declared import (
     Declared,
     arrays_of,
@@ -208,7 +210,12 @@ class DistilledDQNLearner:
         self.dagger = DAgger(students, experience, budget.dagger, tree)
         price = method.leaf_price * experience.typical_return
         self.challengers = ImaginedChallengers(
-            method.world_model, students, experience, problem.n_actions, method.max_leaves
+            method.world_model,
+            students,
+            experience,
+            problem.n_actions,
+            method.max_leaves,
+            partial(_derivation, problem, students),
         )
         self.races = Races(RacedTree(tree, "start"), experience, students, price)
         self._students = students
@@ -285,8 +292,7 @@ class DistilledDQNLearner:
 
     def decisions(self) -> Decisions:
         """Return the policy."""
-        sums = self._students.sums
-        derived = () if sums is None else sums.declarations(self._problem.schema)
+        derived = self._students.declared(self._problem.schema)
         tree = to_decision_tree(self.races.policy, self._problem.n_features + len(derived))
         return Decisions(*tree, derived=derived)
 
@@ -368,3 +374,10 @@ class DistilledDQNLearner:
     def state(self) -> Arrays:
         """Return all that is known; labels and the teacher's replay follow from the history."""
         return arrays_of(self, parts_of(self._start, self._method.sums, self._method.world_model))
+
+
+def _derivation(problem: Problem, students: Students) -> Derivation:
+    """Return how derived features are computed: those of the problem, and sums."""
+    if problem.history or problem.past_actions:  # features of several steps
+        return Derivation(problem.n_features)
+    return Derivation.of(problem.schema.derive(students.declared(problem.schema)))

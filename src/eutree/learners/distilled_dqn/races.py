@@ -6,7 +6,7 @@ of another tree that decides alike throughout are known and not run again.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import cycle, islice
 from typing import Any, TypeAlias
@@ -18,6 +18,7 @@ from eutree.arrays import Floats
 from eutree.contests import Ahead, Table, new_table, next_episode
 from eutree.contests.rules import Lead
 from eutree.contests.table import pairs
+from eutree.features import Derivation
 from eutree.learners.declared import State
 from eutree.learners.distilled_dqn.teaching import Experience, Students
 from eutree.learners.episode_buffer import transitions_of
@@ -136,12 +137,14 @@ class ImaginedChallengers:
         experience: Experience,
         n_actions: int,
         max_leaves: int,
+        derivation: Callable[[], Derivation],
     ) -> None:
         self._settings = settings
         self._students = students
         self._experience = experience
         self._n_actions = n_actions
         self._max_leaves = max_leaves
+        self._derivation = derivation
         self.ensemble: Ensemble | None = None
 
     def make(self, n: int, generator: np.random.Generator) -> list[RacedTree]:
@@ -150,7 +153,7 @@ class ImaginedChallengers:
         Half of these are prunings, or fewer where they are the same tree; the others climb on.
         """
         data = transitions_of(self._experience.history, self._n_actions)
-        data = seen_as(self._students.seen, data)
+        data = seen_as(self._derivation(), data)
         if self.ensemble is None:
             ensemble = fit_ensemble(data, self._settings, generator)
         else:
@@ -237,7 +240,8 @@ class ImaginedChallengers:
 
     def ensemble_of(self, state: Arrays) -> Ensemble:
         """Return the model whose ``state()`` this was."""
-        return Ensemble.from_state(state, self._settings, self._n_actions)
+        settings = self._settings, self._n_actions, self._derivation()
+        return Ensemble.from_state(state, *settings)
 
 
 SURE = 2.0  # standard errors that end a race, and that win where its proposals are not trusted

@@ -130,12 +130,8 @@ _MODEL = Part(
     save=Ensemble.state,
     make=lambda learner, state: learner.challengers.ensemble_of(state),
 )
-_BOUND = Part(
-    {
-        "model_circles": Stored("i8", ("circles", 2), low=0, below="f"),
-        "model_sums": Stored("i8", ("bound",), low=0, below="f"),
-        "model_sum_weights": Stored("f8", ("bound", "f")),
-    },
+_CIRCLES = Part(
+    {"model_circles": Stored("i8", ("circles", 2), low=0, below="f")},
     optional=True,  # in runs before version 0.3
 )
 _RACE = Part(
@@ -187,6 +183,6 @@ def parts_of(start: Start, most_sums: int, model: EnsembleSettings) -> tuple[Par
         _NUMBERS_PART,
         _STUDENT,
         _MODEL,
-        _BOUND,
+        _CIRCLES,
         _RACE,
     )

@@ -107,6 +107,10 @@ class Students:
         self.sums = found_sums(Labels(rows, self._labels, self._action_values(rows)), most)
         return len(self.sums)
 
+    def declared(self, schema: Schema) -> tuple[str, ...]:
+        """Return the sums as derived features of a schema."""
+        return self.sums.declarations(schema) if self.sums else ()
+
     def seen(self, observations: Floats) -> Floats:
         """Return what tests may ask for at observations [..., d]: features, and sums."""
         return self.sums.behind(observations) if self.sums else observations
