@@ -4,16 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from eutree.compiled import compiled
-from eutree.features import Derivation
-from eutree.schema import Schema
 from eutree.world_model import Transitions
 from eutree.world_model import _kernels_ensemble as kernels
 from eutree.world_model import _kernels_ensemble_lanes as lanes
-from eutree.world_model._kernels_formulas import derive, laid_out
 from eutree.world_model.action_trees import packed
 from eutree.world_model.ensemble import (
     EnsembleSettings,
@@ -22,9 +16,8 @@ from eutree.world_model.ensemble import (
     kinds,
 )
 from eutree.world_model.ensemble_rollouts import EnsembleRollouts
-from eutree.world_model.transitions import seen_as
 from tests import naive_neural
-from tests.random_formulas import formulas_of
+from tests.world_model.wheel import WHEEL, spins, wheel_seen
 
 STAY, GO = 0, 1
 PIT, GOAL = -50.0, 100.0
@@ -180,41 +173,6 @@ def test_an_end_that_a_rollout_overlooks_comes_where_it_led():
     assert np.mean(shares) == pytest.approx(0.1, abs=0.05)
 
 
-WHEEL = Derivation.of(
-    Schema.anonymous(5, 2).derive(
-        ["lead = x2 + 0.51 * x0", "turned = x1 - last(x1) if x0 > 0 else min(lead, 1)"]
-    )
-)
-
-
-def spins(n_episodes, seed):
-    """A wheel of radius 2 that turns, pushed one way or the other, until it is fast.
-
-    Features: rate, position right and up, whether it turns left, a constant, and ``WHEEL``'s.
-    """
-    generator = np.random.default_rng(seed)
-    rows = []
-    for episode in range(n_episodes):
-        angle, rate = generator.uniform(-3, 3), 0.0
-        seen = wheel_seen(angle, rate, None)
-        for _ in range(40):
-            action = int(generator.integers(2))
-            rate += 0.1 * (2 * action - 1)
-            angle += rate
-            then, fast = wheel_seen(angle, rate, seen), abs(rate) > 0.8
-            rows.append((seen, action, -1.0, then, fast, episode))
-            seen = then
-            if fast:
-                break
-    o, a, r, later, ended, episodes = (np.array(c) for c in zip(*rows, strict=True))
-    return seen_as(WHEEL, Transitions(o, a, r, later, ended, episodes, 2))
-
-
-def wheel_seen(angle, rate, before):
-    measured = rate, 2 * np.cos(angle), 2 * np.sin(angle), float(rate > 0.0), 2.0
-    return WHEEL.rows(np.array(measured), before)
-
-
 @pytest.fixture(scope="module")
 def wheel():
     return fit_ensemble(spins(100, 0), replace(SMALL, updates=300), np.random.default_rng(1))
@@ -255,34 +213,6 @@ def test_a_step_of_an_angle_is_the_naive_step(wheel):
         expected = naive_neural.ensemble_step(*known, WHEEL)
         stepped(*known)
         np.testing.assert_allclose(state, expected[0], atol=1e-4)
-
-
-@compiled
-def derived_in(formulas, state):
-    derive(formulas, state)
-
-
-@given(
-    st.lists(formulas_of("x0", "x1", "2", "0.5", "last(x1)"), min_size=1, max_size=3),
-    st.lists(st.sampled_from([-2.0, -0.5, 0.0, 0.3, 1.0, 7.0]), min_size=4, max_size=4),
-)
-def test_a_formula_is_computed_to_the_bit(formulas, numbers):
-    """Also those that are made of others."""
-    declared = [f"f{k} = {text}" for k, text in enumerate(formulas)]
-    declared.append("last one = f0 - last(f0)")
-    derivation = Derivation.of(Schema.anonymous(2, 2).derive(declared))
-    before = derivation.rows(np.array(numbers[2:]))
-    state = np.array([*numbers[:2], *np.zeros(len(declared)), *before])
-    derived_in(laid_out(derivation), state)
-    expected = derivation.rows(np.array(numbers[:2]), before)
-    np.testing.assert_array_equal(state[: expected.size], expected)
-
-
-def test_derived_features_are_known_only_where_all_are_there(data):
-    assert seen_as(WHEEL, data).derivation.formulas == ()  # of three numbers
-    plain = replace(spins(2, 0), derivation=Derivation(0))
-    assert seen_as(WHEEL, plain).derivation is WHEEL
-    assert seen_as(Derivation(7), plain).derivation.formulas == ()
 
 
 CAREFUL = packed((0, 1.5, GO, (0, 3.2, (1, 0.5, GO, STAY), GO)))

@@ -36,6 +36,7 @@ from eutree.learners.starts import SETTINGS, best_left_out, fitted_trees
 from eutree.policies import TreePolicy
 from eutree.world_model import PairedRollouts, Transitions, fit_world_models
 from eutree.world_model.action_trees import from_decision_tree
+from eutree.world_model.transitions import seen_as
 
 FEWEST_HELD_OUT = 4  # episodes; below that no difference is believed
 HELD_OUT = 1 / 3  # share of the episodes
@@ -194,7 +195,7 @@ class Judge:
     def _rollouts(self) -> PairedRollouts:
         """Rollouts of the other tree in a world model."""
         transitions = Transitions.of(self.known, self.other.schema.n_actions)
-        (model,) = fit_world_models(transitions, (MIDDLE,))
+        (model,) = fit_world_models(seen_as(self.other.derivation, transitions), (MIDDLE,))
         rollouts = PairedRollouts(model, ROLLOUTS, 1.0, self.generator)
         rollouts.run(from_decision_tree(self.other.tree, self.other.actions))
         return rollouts

@@ -16,6 +16,7 @@ from eutree.arrays import Booleans, Floats, Integers
 from eutree.c45 import C45Settings, grow
 from eutree.data import Episode
 from eutree.errors import InvalidArgumentError
+from eutree.features import Derivation
 from eutree.learners.declared import (
     MOST,
     TREE_AND_HISTORY,
@@ -51,8 +52,9 @@ from eutree.schema import Schema
 from eutree.trees import DecisionTree
 from eutree.trees.edit import graft
 from eutree.validation import check_amounts, check_number
-from eutree.world_model import ActionTree, PairedRollouts
+from eutree.world_model import ActionTree, PairedRollouts, Transitions
 from eutree.world_model.action_trees import from_decision_tree, to_decision_tree
+from eutree.world_model.transitions import seen_as
 
 _UNPRUNED = C45Settings(use_penalty=False, prune=False)
 
@@ -142,6 +144,7 @@ class ModelPlanning:
         self.tree, actions, locked = start.first_leaves(problem)
         self.actions = np.array(actions)
         self.n_actions = problem.n_actions
+        self._derivation = Derivation.of(problem.schema)
         self.method = method
         self.plan = Planned(from_decision_tree(self.tree, actions))
         room = method.max_transitions  # of whole episodes: a planner needs them
@@ -230,7 +233,7 @@ class ModelPlanning:
         if not history.size or not planner.due(self.plan, history.n_seen):
             return Update()
         before, challenger = self.plan.incumbent, self.plan.challenger
-        plan = planner.plan(self.plan, transitions_of(history, self.n_actions), generator)
+        plan = planner.plan(self.plan, self._known(), generator)
         self.plan = replace(plan, planned_at=history.n_seen)
         if self.plan.incumbent is not before:
             self._adopt(*to_decision_tree(self.plan.incumbent, self.tree.n_features))
@@ -241,8 +244,7 @@ class ModelPlanning:
         """Return where trees can be compared in the world model of all that is stored."""
         if not self.history.size:
             return None
-        known = transitions_of(self.history, self.n_actions)
-        return self.method.planner.imagined(self.plan, known, n_episodes, generator)
+        return self.method.planner.imagined(self.plan, self._known(), n_episodes, generator)
 
     def decisions(self) -> Decisions:
         """Return the incumbent, with the returns to go of its own episodes."""
@@ -261,6 +263,9 @@ class ModelPlanning:
     def state(self) -> Arrays:
         """Return all that the learner knows, between two episodes."""
         return arrays_of(self, self.method.parts)
+
+    def _known(self) -> Transitions:
+        return seen_as(self._derivation, transitions_of(self.history, self.n_actions))
 
     def _adopt(self, tree: DecisionTree, actions: Integers) -> None:
         """Let another tree decide, but where leaves are locked in the present one."""

@@ -11,6 +11,7 @@ import numpy as np
 
 from eutree.arrays import Floats, Integers, Uint32s
 from eutree.compiled import compiled, compiled_later, inlined, overwrite
+from eutree.world_model._kernels_formulas import Formulas
 
 # A prime, so that episodes begin at places of the table that do not line up; the table wraps.
 EPISODE_STRIDE = 7919
@@ -44,6 +45,7 @@ class World(NamedTuple):
     lines: Floats  # [L, 2 d + 4] coefficients, constant, the action's constant, lowest, highest
     noise: Integers  # [L, 3] first residual, number of residuals, coefficients up to the last not 0
     residuals: Floats  # [K]
+    formulas: Formulas  # of the derived features
     tally: Integers  # [1] steps taken in it so far
 
 

@@ -14,6 +14,7 @@ from eutree.arrays import Booleans, Floats, Integers
 from eutree.compiled import compiled, compiled_later, overwrite
 from eutree.trees import TreeNodes, descend
 from eutree.world_model._kernels import World, chance, fitted, model_leaf
+from eutree.world_model._kernels_formulas import derive
 from eutree.world_model._kernels_regression import TINY, solve_positive
 
 
@@ -42,8 +43,10 @@ def expected_step(world: World, action: int, states: Floats, move: Floats) -> tu
         move[i] = fitted(lines, noise, row, states, 0)
     # Only now: all displacements were asked of the state before the step.
     for i in range(d):
+        states[0, d + i] = states[0, i]
         states[0, i] += move[i]
-        states[0, d + i] = 0.0  # held actions start from places, not from movements
+    derive(world.formulas, states[0])
+    states[0, d:] = 0.0  # held actions start from places, not from movements
     row = model_leaf(world, roots[action, d + 3], states, 0)
     bad = chance(lines, noise, row, states, 0, 0.0)
     row = model_leaf(world, roots[action, d + 4], states, 0)

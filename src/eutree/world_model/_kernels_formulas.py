@@ -19,6 +19,8 @@ KINDS = (
     BELOW, AT_MOST, ABOVE, AT_LEAST, AND, OR, IF,
 ) = range(len(KINDS))  # fmt: skip
 
+BEYOND = 2**31  # more than there are features
+
 
 class Formulas(NamedTuple):
     """Formulas and their parts, one *row* each, parts before what they are parts of."""
@@ -27,9 +29,10 @@ class Formulas(NamedTuple):
     parts: Integers  # [n, 3] rows; of a feature or a last value, which feature
     values: Floats  # [n] numbers; of all other rows, room for their values
     features: Integers  # [n] the feature that a row is the whole formula of; -1 for parts
+    first: int  # the first derived feature; beyond all features where there is none
 
 
-def laid_out(derivation: Derivation) -> Formulas:
+def formulas_of(derivation: Derivation) -> Formulas:
     """Return the formulas of a derivation."""
     rows = list[tuple[int, list[int], float, int]]()
 
@@ -47,6 +50,7 @@ def laid_out(derivation: Derivation) -> Formulas:
         np.array(parts, dtype=np.int64).reshape(-1, 3),
         np.array(values, dtype=np.float64),
         np.array(features, dtype=np.int64),
+        derivation.n_measured if rows else BEYOND,
     )
 
 

@@ -25,6 +25,7 @@ from eutree.world_model._kernels import (
     keep,
     model_leaf,
 )
+from eutree.world_model._kernels_formulas import derive
 
 LANES = 64  # work done once for all lanes costs each little
 # Episodes compared before a hopeless challenger may be given up.
@@ -156,8 +157,12 @@ def move(world: World, draws: Floats, lanes: Lanes, n: int) -> None:
     # Only now: all displacements were asked of the state before the step.
     for k in range(n):
         for i in range(d):
+            states[k, d + i] = states[k, i]
             states[k, i] += moves[k, i]
-            states[k, d + i] = moves[k, i]
+        derive(world.formulas, states[k])
+        for i in range(d):
+            computed = i >= world.formulas.first  # and not as it was drawn
+            states[k, d + i] = states[k, i] - states[k, d + i] if computed else moves[k, i]
 
 
 @inlined

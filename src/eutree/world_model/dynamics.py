@@ -16,11 +16,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from eutree.arrays import Booleans, Floats, Integers
-from eutree.features import threshold_between
+from eutree.features import Derivation, threshold_between
 from eutree.trees import DecisionTree
 from eutree.world_model import _kernels_chances
 from eutree.world_model import _kernels_regression as kernels
 from eutree.world_model._kernels import NodeTests, World
+from eutree.world_model._kernels_formulas import formulas_of
 from eutree.world_model._kernels_regression import ModelTree as ModelTree
 from eutree.world_model.transitions import Transitions
 
@@ -264,7 +265,7 @@ def fit_world_models(
             for tree, sign in ends
         ]
         trees = (*moves, *rewards, *seen)
-        world = _unrolled(trees, data.n_actions)
+        world = _unrolled(trees, data.derivation, data.n_actions)
         models.append(WorldModel(trees, world, starts, data.horizon(), data.n_actions))
     return tuple(models)
 
@@ -350,7 +351,7 @@ def _grow(
     return tree._replace(residuals=residuals)
 
 
-def _unrolled(trees: Sequence[ModelTree], n_actions: int) -> World:
+def _unrolled(trees: Sequence[ModelTree], derivation: Derivation, n_actions: int) -> World:
     """Return the trees of each action in common arrays: tests of the action are decided."""
     room = n_actions * sum(tree.feature.size for tree in trees)
     p = trees[0].coefficients.shape[1] - 1 - n_actions
@@ -374,8 +375,8 @@ def _unrolled(trees: Sequence[ModelTree], n_actions: int) -> World:
     residuals = np.concatenate([tree.residuals for tree in trees])
     tests = NodeTests._make(array[:n_nodes] for array in out.tests)
     lines, noise = out.lines[:n_lines], out.noise[:n_lines]
-    tally = np.zeros(1, dtype=np.int64)
-    return World(roots, levels, tests, out.rows[:n_nodes], lines, noise, residuals, tally)
+    rest = residuals, formulas_of(derivation), np.zeros(1, dtype=np.int64)
+    return World(roots, levels, tests, out.rows[:n_nodes], lines, noise, *rest)
 
 
 def hold(

@@ -33,7 +33,7 @@ from eutree.world_model._kernels_ensemble import (
     Steps,
 )
 from eutree.world_model._kernels_ensemble_lanes import ROWS, EnsembleWorld
-from eutree.world_model._kernels_formulas import laid_out
+from eutree.world_model._kernels_formulas import formulas_of
 from eutree.world_model.transitions import Transitions
 
 N_KINDS = 3
@@ -154,7 +154,7 @@ class Ensemble:
         networks = [_filled_up(network_of(row, *self.size)) for row in self.weights]
         members = Network._make(np.stack(arrays) for arrays in zip(*networks, strict=True))
         return EnsembleWorld(
-            members, self.scales, laid_out(self.derivation), np.zeros(1, dtype=np.int64)
+            members, self.scales, formulas_of(self.derivation), np.zeros(1, dtype=np.int64)
         )
 
     @property

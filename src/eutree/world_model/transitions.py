@@ -184,9 +184,12 @@ class Transitions:
 
 
 def seen_as(derivation: Derivation, data: Transitions) -> Transitions:
-    """Return transitions with those derived features of observations that are not there yet."""
+    """Return transitions with those derived features of observations that are not there yet.
+
+    Behind them may stand the past.
+    """
     seen = derivation.behind(data.observations)
-    complete = seen.shape[1] == derivation.n_measured + len(derivation.formulas)
+    complete = seen.shape[1] >= derivation.n_measured + len(derivation.formulas)
     return replace(
         data,
         observations=seen,

@@ -378,6 +378,4 @@ class DistilledDQNLearner:
 
 def _derivation(problem: Problem, students: Students) -> Derivation:
     """Return how derived features are computed: those of the problem, and sums."""
-    if problem.history or problem.past_actions:  # features of several steps
-        return Derivation(problem.n_features)
     return Derivation.of(problem.schema.derive(students.declared(problem.schema)))
