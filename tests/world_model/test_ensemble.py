@@ -187,6 +187,11 @@ def test_circles_are_found(ensemble, wheel):
     # Two wheels, and their features among one another.
     two = np.stack([o[:-1, 2], o[1:, 2], o[:-1, 1], o[1:, 1]], axis=1)
     assert circles_of(two, range(4)).tolist() == [[0, 2], [1, 3]]
+    assert circles_of(two, [1, 3]).tolist() == [[1, 3]]
+    # Rows that are not looked at first.
+    many = np.tile(two, (20_000 // len(two) + 1, 1))
+    many[1, 0] += 1.0
+    assert circles_of(many, range(4)).tolist() == [[1, 3]]
 
 
 def test_angles_stay_angles_and_what_is_derived_is_computed(wheel):

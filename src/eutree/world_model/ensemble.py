@@ -39,6 +39,7 @@ from eutree.world_model.transitions import Transitions
 N_KINDS = 3
 EXTRA_ENDS = 32  # rows of a batch that are last steps
 ROUND = 1e-5  # deviation of the squared distances from a circle's middle, in parts of their mean
+SCREENED = 10_000  # rows that tell of all pairs at once whether they may be on one
 TAIL = 0.02  # percent of rewards and displacements cut off from predictions, on either side
 
 
@@ -101,12 +102,18 @@ def circles_of(observations: Floats, features: Sequence[int]) -> Integers:
     An angle is observed as its cosine and sine. Errors that are predicted apart lead away from the
     circle, to where no step was ever seen. A feature is on one circle at most.
     """
-    squares, pairs = observations**2, list[tuple[int, int]]()
-    for i, j in itertools.combinations(features, 2):
+    if len(features) < 2:
+        return np.empty((0, 2), dtype=np.int64)
+    squares, pairs = observations[:, features] ** 2, list[tuple[int, int]]()
+    some = squares[:: -(-len(squares) // SCREENED)]
+    mean, with_other = some.mean(axis=0), np.cov(some, rowvar=False)
+    variance = np.add.outer(np.diag(with_other), np.diag(with_other)) + 2.0 * with_other
+    near = np.sqrt(np.maximum(variance, 0.0)) < 2.0 * ROUND * np.add.outer(mean, mean)
+    for i, j in np.argwhere(np.triu(near, 1)).tolist():
         distances = squares[:, i] + squares[:, j]
         if not {i, j} & set(itertools.chain(*pairs)) and distances.std() < ROUND * distances.mean():
             pairs.append((i, j))
-    return np.array(pairs, dtype=np.int64).reshape(-1, 2)
+    return np.array(features, dtype=np.int64)[np.array(pairs, dtype=np.int64).reshape(-1, 2)]
 
 
 def steps_of(data: Transitions, scales: Scales) -> Steps:
