@@ -188,7 +188,7 @@ def test_circles_are_found(ensemble, wheel):
     two = np.stack([o[:-1, 2], o[1:, 2], o[:-1, 1], o[1:, 1]], axis=1)
     assert circles_of(two, range(4)).tolist() == [[0, 2], [1, 3]]
     assert circles_of(two, [1, 3]).tolist() == [[1, 3]]
-    # Rows that are not looked at first.
+    # One row of many is off it.
     many = np.tile(two, (20_000 // len(two) + 1, 1))
     many[1, 0] += 1.0
     assert circles_of(many, range(4)).tolist() == [[1, 3]]

@@ -39,7 +39,6 @@ from eutree.world_model.transitions import Transitions
 N_KINDS = 3
 EXTRA_ENDS = 32  # rows of a batch that are last steps
 ROUND = 1e-5  # deviation of the squared distances from a circle's middle, in parts of their mean
-SCREENED = 10_000  # rows that tell of all pairs at once whether they may be on one
 TAIL = 0.02  # percent of rewards and displacements cut off from predictions, on either side
 
 
@@ -105,13 +104,11 @@ def circles_of(observations: Floats, features: Sequence[int]) -> Integers:
     if len(features) < 2:
         return np.empty((0, 2), dtype=np.int64)
     squares, pairs = observations[:, features] ** 2, list[tuple[int, int]]()
-    some = squares[:: -(-len(squares) // SCREENED)]
-    mean, with_other = some.mean(axis=0), np.cov(some, rowvar=False)
+    mean, with_other = squares.mean(axis=0), np.cov(squares, rowvar=False)
     variance = np.add.outer(np.diag(with_other), np.diag(with_other)) + 2.0 * with_other
-    near = np.sqrt(np.maximum(variance, 0.0)) < 2.0 * ROUND * np.add.outer(mean, mean)
-    for i, j in np.argwhere(np.triu(near, 1)).tolist():
-        distances = squares[:, i] + squares[:, j]
-        if not {i, j} & set(itertools.chain(*pairs)) and distances.std() < ROUND * distances.mean():
+    is_round = np.sqrt(np.maximum(variance, 0.0)) < ROUND * np.add.outer(mean, mean)
+    for i, j in np.argwhere(np.triu(is_round, 1)).tolist():
+        if not {i, j} & set(itertools.chain(*pairs)):
             pairs.append((i, j))
     return np.array(features, dtype=np.int64)[np.array(pairs, dtype=np.int64).reshape(-1, 2)]
 
@@ -249,9 +246,16 @@ def fit_ensemble(
 ) -> Ensemble:
     """Fit a new ensemble to transitions, at least one."""
     scales = scales_of(replace(data, memory=settings.memory))
-    none, n_actions, horizon = np.zeros((0, 0)), data.n_actions, data.horizon()
-    known = none.astype(np.float32), n_actions, none, horizon, (0.0, 0.0), data.derivation
-    empty = Ensemble(settings, scales, *known)
+    empty = Ensemble(
+        settings=settings,
+        scales=scales,
+        weights=np.zeros((0, 0), dtype=np.float32),
+        n_actions=data.n_actions,
+        starts=np.zeros((0, 0)),
+        horizon=data.horizon(),
+        returns=(0.0, 0.0),
+        derivation=data.derivation,
+    )
     fresh = (random_network(*empty.size, generator).weights for _ in range(settings.members))
     return empty._fitted(fresh, data, generator, settings.updates, settings.rate, recent=0)
 
