@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 
 from eutree.data import Demonstrations, Episode
+from eutree.data.episode import allowed_in
 from eutree.errors import FileError, FormatError, InvalidArgumentError
 from eutree.schema import EnvironmentSpec, Schema
 from tests.data.strategies import demonstrations, same, three_episodes
@@ -155,6 +156,69 @@ def test_csv_keeps_everything_but_step_records(tmp_path):
     assert len(rows) == sum(len(e) + 1 for e in demos.episodes)
     assert rows[0]["position [m]"] == repr(float(demos.episodes[0].observations[0, 0]))
     assert rows[3]["action"] == ""
+
+
+def masked(demos):
+    """Return demonstrations of which every second episode was masked."""
+    episodes = list(demos.episodes)
+    for number in range(0, len(episodes), 2):
+        episode = episodes[number]
+        allowed = np.eye(demos.schema.n_actions, dtype=bool)[episode.actions]
+        allowed[::2] = True
+        episodes[number] = replace(episode, steps={"allowed": allowed})
+    return replace(demos, episodes=tuple(episodes))
+
+
+def test_masks_travel_in_tables_and_arrays(tmp_path):
+    """They were left out in silence; a tree of what came back named forbidden actions."""
+    demos = masked(three_episodes())
+    demos.to_csv(tmp_path / "demos.csv")
+    back = Demonstrations.from_csv(tmp_path / "demos.csv", schema=demos.schema)
+    for mine, theirs in zip(demos.episodes, back.episodes, strict=True):
+        assert (mine.allowed is None) == (theirs.allowed is None)
+        assert mine.allowed is None or np.array_equal(mine.allowed, theirs.allowed)
+    demos.to_npz(tmp_path / "demos.npz")
+    arrays = Demonstrations.from_npz(tmp_path / "demos.npz", schema=demos.schema)
+    assert np.array_equal(allowed_in(arrays), allowed_in(demos))
+    assert not np.load(tmp_path / "demos.npz")["action_masks"].all()
+
+
+def test_a_log_says_which_actions_were_allowed(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text(
+        "episode,action,may,x\n0,wait,wait|turn left,1\n0,turn left,turn left,2\n0,go,,3\n0,,,4\n"
+    )
+    demos = Demonstrations.from_csv(path, columns={"allowed": "may"})
+    assert demos.schema.actions == ("wait", "turn left", "go")
+    allowed = demos.episodes[0].allowed
+    assert allowed.tolist() == [[True, True, False], [False, True, False], [True, True, True]]
+    path.write_text("episode,action,allowed,x\n0,1,0 1 3,1\n0,0,0,2\n")
+    (episode,) = Demonstrations.from_csv(path)  # what the last action led to is not known
+    assert episode.allowed.tolist() == [[True, True, False, True]]
+    path.write_text("episode,action,allowed,x\n0,1,0 3,1\n0,,,2\n")
+    with pytest.raises(FormatError, match="line 2: allowed must have the action taken, '1': '0 3'"):
+        Demonstrations.from_csv(path)
+
+
+@pytest.mark.parametrize(
+    ("masks", "said"),
+    [
+        ([[1, 1]] * 2, r"action_masks must be of shape \(3, A\), got \(2, 2\)"),
+        ([1, 1, 1], r"must be of shape \(3, A\), got \(3,\)"),
+        ([[1]] * 3, "must have masks of 2 actions, got shape"),
+        (
+            [[1, 1], [1, 0], [1, 1]],
+            "episode 0 must allow the actions taken, but masks .* in step=1",
+        ),
+    ],
+)
+def test_masks_that_contradict_the_log_are_refused(tmp_path, masks, said):
+    log = {"obs": np.arange(3.0), "next_obs": np.arange(1.0, 4.0), "acts": [0, 1, 1]}
+    np.savez(tmp_path / "log.npz", **log, action_masks=masks)
+    with pytest.raises(FormatError, match=said):
+        Demonstrations.from_npz(tmp_path / "log.npz")
+    np.savez(tmp_path / "log.npz", **log, action_masks=[[1, 1, 1]] * 3)
+    assert Demonstrations.from_npz(tmp_path / "log.npz").schema.n_actions == 3
 
 
 @given(demonstrations())

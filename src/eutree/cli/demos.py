@@ -25,6 +25,7 @@ from eutree.interaction.names import Names, given_names
 from eutree.schema import EnvironmentSpec
 from eutree.trees.text import labelled
 
+_OWN = ("episode", "action", "reward", "allowed")  # columns that may have other names
 _KINDS = "minari:ID, or a file ending in .csv or .npz"
 
 
@@ -177,20 +178,16 @@ def check(folder: Path, environment: str | None, env_arguments: dict[str, Any]) 
     recorded, numbers = _all_of(folder)
     env = None if environment is None else make(EnvironmentSpec(environment, env_arguments))
     results = replay_all(recorded, env)
-    bad = [result for result in results if not result.is_equal]
-    lines = [f"episode {numbers[result.episode]}: {result.problem}" for result in bad]
-    lines.append(f"{len(results) - len(bad)} of {len(results)} episodes are equal bit for bit")
-    return Result(
-        {
-            "episodes": len(results),
-            "equal": len(results) - len(bad),
-            "problems": [
-                {"episode": numbers[result.episode], "problem": result.problem} for result in bad
-            ],
-        },
-        "\n".join(lines),
-        1 if bad else 0,
-    )
+    problems = [
+        {"episode": numbers[one.episode], "problem": one.problem}
+        for one in results
+        if not one.is_equal
+    ]
+    equal = len(results) - len(problems)
+    lines = [f"episode {one['episode']}: {one['problem']}" for one in problems]
+    lines.append(f"{equal} of {len(results)} episodes are equal bit for bit")
+    values = {"episodes": len(results), "equal": equal, "problems": problems}
+    return Result(values, "\n".join(lines), 1 if problems else 0)
 
 
 @demos.command(epilog="Example: eutree demos merge monday/ tuesday/ --out demos/")
@@ -240,6 +237,7 @@ def stats(folder: Path, html: Path | None) -> Result:
 @click.option("--episode-column", help="Column of a .csv that says which episode; else 'episode'.")
 @click.option("--action-column", help="Column with the actions, names or numbers; else 'action'.")
 @click.option("--reward-column", help="Column with the rewards (more is better); else 'reward'.")
+@click.option("--allowed-column", help="Column with the actions allowed then; else 'allowed'.")
 @click.option("--delimiter", help="What separates the values; else as the first line shows.")
 @click.option("--drop", multiple=True, metavar="COLUMN", help="A column that is no feature.")
 @click.option("--nominal", multiple=True, metavar="COLUMN",
@@ -268,14 +266,14 @@ def import_(
 
     A .csv has one row for each observation, in order. Two columns are required: "episode" (which
     one; any text) and "action" (taken there; names, numbers from 0, or quantities as 0 and 1500).
-    "step", "action_name", "reward", "terminated", "truncated", "seed", "ending", "is_success" and
-    "kept" are known; every other column is a feature, its unit in brackets: "level [m]". The last
-    row of an episode has an empty action: it shows where the last action led. Without such a row
-    the last action is left out. A machine's log without marks of episodes is read by --time, or as
-    --one-episode.
+    "step", "action_name", "reward", "terminated", "truncated", "seed", "ending", "is_success",
+    "kept" and "allowed" (the actions that were, divided by blanks; empty for all) are known; every
+    other column is a feature, its unit in brackets: "level [m]". The last row of an episode has an
+    empty action: it shows where the last action led. Without such a row the last action is left
+    out. A machine's log without marks of episodes is read by --time, or as --one-episode.
     """
     kind = _kind("SOURCE", source)
-    named = {name: log.pop(f"{name}_column") for name in ("episode", "action", "reward")}
+    named = {name: log.pop(f"{name}_column") for name in _OWN}
     columns = {name: column for name, column in named.items() if column is not None}
     log_format = LogFormat(
         episode_gap=None if episode_gap is None else seconds_of(episode_gap),
@@ -347,11 +345,9 @@ def _all_of(folder: Path) -> tuple[Demonstrations, list[int]]:
         raise InvalidArgumentError(
             f"{folder} holds no episodes yet; record some: eutree record ENV --out {folder}"
         )
-    return _demonstrations(opened, tuple(episodes.values())), list(episodes)
-
-
-def _demonstrations(folder: DemonstrationFolder, episodes: tuple[Episode, ...]) -> Demonstrations:
-    return Demonstrations(episodes, folder.schema, folder.environment, folder.expert)
+    every = tuple(episodes.values())
+    shown = Demonstrations(every, opened.schema, opened.environment, opened.expert)
+    return shown, list(episodes)
 
 
 def _kept(folder: Path, numbers: tuple[int, ...], comment: str | None, *, kept: bool) -> Result:
@@ -375,7 +371,8 @@ def _kind(argument: str, name: str) -> str:
 
 def _show(folder: DemonstrationFolder, episode: Episode) -> None:
     """Run an episode again in a window."""
-    with closing(environment_for(_demonstrations(folder, (episode,)), render_mode="human")) as env:
+    shown = Demonstrations((episode,), folder.schema, folder.environment)
+    with closing(environment_for(shown, render_mode="human")) as env:
         env.reset(seed=episode.seed)
         for action in episode.actions.tolist():
             env.step(action)

@@ -1,12 +1,13 @@
 """Demonstrations as CSV: one row for each observation, floats written so that they read back.
 
 The columns ``episode`` and ``action`` are required, ``step``, ``action_name``, ``reward``,
-``terminated``, ``truncated``, ``seed``, ``ending``, ``is_success`` and ``kept`` are known; every
-other column is a feature, its unit in brackets: ``position [m]``. The last row of an episode has
-no action: it shows where the last action led. In a log without such rows the last action of each
-episode is dropped, because its successor is not known; the episode's extras keep it, under
-``dropped_action``. Actions are indices, names, or quantities. An episode has a reward for each
-action, or none at all.
+``terminated``, ``truncated``, ``seed``, ``ending``, ``is_success``, ``kept`` and ``allowed`` are
+known; every other column is a feature, its unit in brackets: ``position [m]``. The last row of an
+episode has no action: it shows where the last action led. In a log without such rows the last
+action of each episode is dropped, because its successor is not known; the episode's extras keep it,
+under ``dropped_action``. Actions are indices, names, or quantities; so are those that are
+``allowed``, several divided by blanks, or by ``|`` where names have blanks; an empty cell allows
+all. An episode has a reward for each action, or none at all.
 """
 
 import csv
@@ -21,8 +22,8 @@ from typing import Any
 
 import numpy as np
 
-from eutree.arrays import Floats, Integers
-from eutree.data.episode import DROPPED, MAX_NAMES, Episode
+from eutree.arrays import Booleans, Floats, Integers
+from eutree.data.episode import ALLOWED, DROPPED, MAX_NAMES, Episode
 from eutree.data.log_format import HOLD, LEAVE_OUT, LogFormat, hint, is_nothing, is_quantity, label
 from eutree.errors import FormatError, InvalidArgumentError, blamed
 from eutree.files import opened_text, read_bytes, write_text
@@ -39,6 +40,7 @@ KNOWN = (
     "episode", "step", "action", "action_name", "reward", "terminated", "truncated", "seed",
     "ending", "is_success", "kept",
 )  # fmt: skip
+_MASKED = (*KNOWN, ALLOWED)  # of a table in which an action is masked
 _DELIMITERS = ",;\t|"
 _DECIMAL_COMMA = re.compile(r"\s*[-+]?\d+,\d+(?:[eE][-+]?\d+)?\s*")
 _INDEX = re.compile(r"[0-9]{1,5}")
@@ -66,7 +68,7 @@ def read_csv(
     """
     columns, log = columns or {}, log or LogFormat()
     for name in columns:
-        check_choice("columns", name, KNOWN)
+        check_choice("columns", name, _MASKED)
     if delimiter is not None and (len(delimiter) != 1 or delimiter in '"\r\n'):
         raise InvalidArgumentError(
             f"delimiter must be one character, no quote and no end of line, got {delimiter!r}"
@@ -148,6 +150,7 @@ class _EpisodeRows:
     actions: "array[int]" = field(default_factory=lambda: array("q"))
     rewards: "array[float]" = field(default_factory=lambda: array("d"))
     has_rewards: bool = True
+    masks: "array[int]" = field(default_factory=lambda: array("q"))  # number of each row's mask
     # Terminated and truncated after the last action but one, and after the last.
     ends: tuple[tuple[bool, bool], tuple[bool, bool]] = ((False, False), (False, False))
     last_line: int = 0
@@ -161,7 +164,7 @@ class _Table:
     """
 
     def __init__(self, columns: list[str], delimiter: str, log: LogFormat) -> None:
-        apart = {*KNOWN, *log.drop, log.time, ""}  # pandas numbers rows in a column without a name
+        apart = {*_MASKED, *log.drop, log.time, ""}  # rows are numbered in a column without a name
         self._columns, self._log, self._has_comma = columns, log, delimiter != ","
         self._features = [column for column in columns if column not in apart]
         if not self._features:
@@ -170,6 +173,7 @@ class _Table:
             raise InvalidArgumentError(f"more than {MAX_NAMES:,} columns of features")
         self._codes: dict[str, int] = {}  # of the texts in the column action
         self._names: dict[str, str] = {}  # their names by action_name
+        self._masks: dict[tuple[int, ...], int] = {}  # numbers of the sets of codes in allowed
         self._categories: dict[str, dict[str, int]] = {name: {} for name in log.nominal}
         self._numbers = [column for column in self._features if column not in log.nominal]
         self._texts = [*log.nominal, *(("action",) if log.missing == HOLD else ())]
@@ -196,7 +200,7 @@ class _Table:
         if group is None:
             group = self._present[name] = _EpisodeRows()
             self._groups.append(group)
-        self._size += len(self._features) + 2
+        self._size += len(self._features) + 2 + (ALLOWED in row) * len(self._codes)
         if len(self._groups) > MAX_EPISODES:
             raise InvalidArgumentError(f"more than {MAX_EPISODES:,} episodes")
         if self._size > MAX_NUMBERS:
@@ -246,7 +250,8 @@ class _Table:
         if row["action"]:
             if any(group.ends[-1]):
                 raise InvalidArgumentError("the episode ended on an earlier line")
-            group.actions.append(self._code(row))
+            group.actions.append(self._code(row["action"]))
+            self._pass_names(group, row)
             known = bool(row.get("reward"))
             if group.rewards and known != group.has_rewards:
                 raise InvalidArgumentError(
@@ -268,13 +273,25 @@ class _Table:
         is_decimal = self._has_comma and _DECIMAL_COMMA.fullmatch(text)
         return text.replace(",", ".") if is_decimal else text
 
-    def _code(self, row: dict[str, str]) -> int:
-        code = self._codes.setdefault(row["action"], len(self._codes))
+    def _code(self, text: str) -> int:
+        code = self._codes.setdefault(text, len(self._codes))
         if code >= MAX_NAMES:
             raise InvalidArgumentError(f"more than {MAX_NAMES:,} actions")
-        if row["action"] not in self._names and row.get("action_name"):
-            self._names[row["action"]] = row["action_name"]
         return code
+
+    def _pass_names(self, group: _EpisodeRows, row: dict[str, str]) -> None:
+        """Take what a row says about actions beside the one that it has."""
+        action, cell = row["action"], row.get(ALLOWED, "").strip()
+        if action not in self._names and row.get("action_name"):
+            self._names[action] = row["action_name"]
+        is_one = cell in self._codes or "|" in cell  # a name, or names, perhaps with blanks
+        texts = cell.split("|") if is_one else cell.split()
+        codes = {self._code(self._action_text(text)) for text in texts}
+        if codes and self._codes[action] not in codes:
+            raise InvalidArgumentError(
+                f"{ALLOWED} must have the action taken, {action!r}: {cell!r}"
+            )
+        group.masks.append(self._masks.setdefault(tuple(sorted(codes)), len(self._masks)))
 
     def _value(self, row: dict[str, str], column: str) -> float:
         """Return the number in a cell, that of its category where it is text."""
@@ -325,10 +342,13 @@ class _Table:
         with blamed(path, "action"):
             numbers = [self._action(text, schema.actions, by_name) for text in self._codes]
         numbers_of_codes = np.array(numbers, dtype=np.int64)
+        masks = np.zeros((len(self._masks), schema.n_actions), dtype=np.bool_)
+        for mask, codes in zip(masks, self._masks, strict=True):
+            mask[numbers_of_codes[list(codes)] if codes else slice(None)] = True
         episodes = []
         for group in self._groups:
             with blamed(path, f"line {group.last_line}"):
-                episodes.append(self._episode(group, numbers_of_codes))
+                episodes.append(self._episode(group, numbers_of_codes, masks))
         return tuple(episodes), schema
 
     def _made_features(self) -> Iterator[Feature]:
@@ -400,12 +420,13 @@ class _Table:
                 columns += each if len(codes) > 2 else each[1:] or [np.zeros(len(values))]
         return np.stack(columns, axis=1)
 
-    def _episode(self, group: _EpisodeRows, numbers_of_codes: Integers) -> Episode:
+    def _episode(self, group: _EpisodeRows, numbers_of_codes: Integers, masks: Booleans) -> Episode:
         row = group.last_row
         actions = numbers_of_codes[np.frombuffer(group.actions, dtype=np.int64)]
         dropped = bool(row["action"])  # where the last action led is not in the table
         count = len(actions) - dropped
         terminated, truncated = group.ends[0] if dropped else group.ends[1]
+        allowed = masks[np.frombuffer(group.masks, dtype=np.int64)[:count]]
         seed = row.get("seed", "")
         if seed and not _SEED.fullmatch(seed):
             raise InvalidArgumentError(f"seed must be an integer >= 0, got {seed!r}")
@@ -420,6 +441,7 @@ class _Table:
             is_success=_truth(row, "is_success"),
             kept=_truth(row, "kept") is not False,
             has_rewards=group.has_rewards,
+            steps={} if allowed.all() else {ALLOWED: allowed},
             extras={DROPPED: int(actions[-1])} if dropped else {},
         )
 
@@ -439,22 +461,25 @@ def write_csv(path: str | Path, episodes: Sequence[Episode], schema: Schema) -> 
         FileError: The file cannot be written.
     """
     features = [f"{f.name} [{f.unit}]" if f.unit else f.name for f in schema.features]
-    if set(features) & set(KNOWN) or len(set(features)) < len(features):
+    if set(features) & set(_MASKED) or len(set(features)) < len(features):
         raise InvalidArgumentError(f"features must not be named like columns, got {features}")
     buffer = io.StringIO()
     writer = csv.writer(buffer)
-    writer.writerow([*KNOWN, *features])
+    masked = any(episode.allowed is not None for episode in episodes)
+    writer.writerow([*(_MASKED if masked else KNOWN), *features])
     for number, episode in enumerate(episodes):
         check_finite(f"episode {number}: observations", episode.observations)
         check_finite(f"episode {number}: rewards", episode.rewards)
-        writer.writerows(_lines(number, episode, schema))
+        writer.writerows(_lines(number, episode, schema, masked))
     write_text(path, buffer.getvalue())
 
 
-def _lines(number: int, episode: Episode, schema: Schema) -> list[list[str]]:
+def _lines(number: int, episode: Episode, schema: Schema, masked: bool) -> list[list[str]]:
     success = "" if episode.is_success is None else str(episode.is_success).lower()
     seed = "" if episode.seed is None else str(episode.seed)
     tail = [seed, episode.ending, success, str(episode.kept).lower()]
+    masks = () if episode.allowed is None else episode.allowed
+    allowed = [" ".join(map(str, np.flatnonzero(mask))) for mask in masks]
     lines = []
     for step, observation in enumerate(episode.observations.tolist()):
         last = step >= len(episode) - 1
@@ -464,5 +489,6 @@ def _lines(number: int, episode: Episode, schema: Schema) -> list[list[str]]:
             action = int(episode.actions[step])
             reward = repr(float(episode.rewards[step])) if episode.has_rewards else ""
             middle = [str(action), schema.actions[action], reward]
-        lines.append([str(number), str(step), *middle, *ends, *tail, *map(repr, observation)])
+        may = [allowed[step] if step < len(allowed) else ""] if masked else []
+        lines.append([str(number), str(step), *middle, *ends, *tail, *may, *map(repr, observation)])
     return lines

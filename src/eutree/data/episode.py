@@ -8,7 +8,7 @@ shifted.
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -226,6 +226,7 @@ def episodes_from_rows(
     next_observations: ArrayLike | None = None,
     terminated: ArrayLike | None = None,
     truncated: ArrayLike | None = None,
+    action_masks: ArrayLike | None = None,
 ) -> tuple[Episode, ...]:
     """Return the episodes in flat rows; see ``Demonstrations.from_arrays``."""
     before = check_observations("observations", observations)
@@ -245,7 +246,11 @@ def episodes_from_rows(
     ends = (_flags("terminated", terminated, n), _flags("truncated", truncated, n))
     begins = np.flatnonzero(first)
     spans = zip(begins.tolist(), [*begins[1:].tolist(), n], strict=True) if n else ()
-    made = (_episode(before, after, chosen, earned, ends, slice(*span)) for span in spans)
+    masks = None if action_masks is None else np.asarray(action_masks, dtype=bool)
+    if masks is not None and masks.shape[:-1] != (n,):
+        raise InvalidArgumentError(f"action_masks must be of shape ({n}, A), got {masks.shape}")
+    cut = partial(_episode, before, after, chosen, earned, ends, masks=masks)
+    made = (cut(slice(*span)) for span in spans)
     known = rewards is not None
     return tuple(replace(episode, has_rewards=known) for episode in made if len(episode))
 
@@ -259,6 +264,7 @@ def schema_for(episodes: tuple[Episode, ...], n_features: int, schema: Schema | 
     if schema is not None:
         return schema
     highest = max((int(e.actions.max()) for e in episodes if len(e)), default=0)
+    highest = max([highest, *(e.allowed.shape[1] - 1 for e in episodes if e.allowed is not None)])
     for name, number in (("features", n_features), ("actions", highest + 1)):
         if not 1 <= number <= MAX_NAMES:
             raise InvalidArgumentError(
@@ -285,6 +291,8 @@ def _episode(
     rewards: Floats,
     ends: tuple[Booleans, Booleans],
     rows: slice,
+    *,
+    masks: Booleans | None,
 ) -> Episode:
     """Return the episode in some rows; refuse rows that contradict each other."""
     terminated, truncated = (flags[rows] for flags in ends)
@@ -311,5 +319,6 @@ def _episode(
         terminated=is_terminated and not cut_short,
         truncated=is_truncated and not is_terminated and not cut_short,
         ending="terminated" if is_terminated else "truncated" if is_truncated else "",
+        steps={} if masks is None else {ALLOWED: masks[kept]},
         extras={DROPPED: int(actions[rows][-1])} if cut_short else {},
     )

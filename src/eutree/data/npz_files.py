@@ -1,10 +1,11 @@
 """Demonstrations in the npz files of imitation and Stable-Baselines, without pickle.
 
 Read are two layouts. Rows: ``obs`` [N, d], ``acts`` or ``actions`` [N], and where present
-``next_obs``, ``rews`` or ``rewards``, and the ends of episodes as ``terminations`` and
-``truncations``, as ``dones``, or as ``episode_starts``. Trajectories: ``obs`` with one more
-row than ``acts`` for each episode, ``indices`` (where the actions of all but the first begin) and
-``terminal``. ``infos`` are pickled dictionaries in these files and are not read. Written are rows.
+``next_obs``, ``rews`` or ``rewards``, ``action_masks`` [N, A], and the ends of episodes as
+``terminations`` and ``truncations``, as ``dones``, or as ``episode_starts``. Trajectories: ``obs``
+with one more row than ``acts`` for each episode, ``indices`` (where the actions of all but the
+first begin) and ``terminal``. ``infos`` are pickled dictionaries in these files and are not read.
+Written are rows.
 """
 
 from pathlib import Path
@@ -13,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from eutree.data.episode import Episode, episodes_from_rows
+from eutree.data.episode import Episode, allowed_in, episodes_from_rows
 from eutree.errors import FormatError, InvalidArgumentError, blamed
 from eutree.files import read_arrays, write_arrays
 
@@ -28,6 +29,7 @@ _ALIASES = {
     "starts": ("episode_starts",),
     "indices": ("indices",),
     "terminal": ("terminal",),
+    "masks": ("action_masks",),
 }
 _Arrays = dict[str, NDArray[Any]]
 
@@ -56,8 +58,9 @@ def read_npz(path: str | Path) -> tuple[tuple[Episode, ...], int]:
             raise FormatError(path, key, f"must be one truth for each action, got shape {shape}")
     if arrays["acts"].ndim == 2 and arrays["acts"].shape[1] == 1:
         arrays["acts"] = arrays["acts"][:, 0]
-    if arrays["obs"].ndim == 1:
-        arrays["obs"] = arrays["obs"][:, np.newaxis]
+    for key in ("obs", "next_obs"):
+        if key in arrays and arrays[key].ndim == 1:
+            arrays[key] = arrays[key][:, np.newaxis]
     with blamed(path, errors=(InvalidArgumentError, IndexError)):
         read = _trajectories if "indices" in arrays else _rows
         return read(arrays), int(arrays["obs"].shape[1])
@@ -87,6 +90,8 @@ def write_npz(path: str | Path, episodes: tuple[Episode, ...], n_features: int) 
         "truncations": truncated,
         "episode_starts": starts,
     }
+    if (allowed := allowed_in(episodes)) is not None:
+        arrays["action_masks"] = allowed
     write_arrays(path, {name: array for name, array in arrays.items() if known or name != "rews"})
 
 
@@ -118,6 +123,7 @@ def _rows(arrays: _Arrays) -> tuple[Episode, ...]:
         next_observations=arrays.get("next_obs"),
         terminated=terminated,
         truncated=truncated,
+        action_masks=arrays.get("masks"),
     )
 
 
@@ -153,4 +159,5 @@ def _trajectories(arrays: _Arrays) -> tuple[Episode, ...]:
         rewards=arrays.get("rews"),
         next_observations=obs[before + 1],
         terminated=terminated,
+        action_masks=arrays.get("masks"),
     )
