@@ -7,7 +7,8 @@ import signal
 import sys
 import warnings
 from collections import namedtuple
-from types import FrameType
+
+from eutree.errors import interrupt
 
 _OF_GYMNASIUM = re.compile(r"^\x1b\[\d+mWARN: |\x1b\[\d+m")
 _said: set[str] = set()
@@ -19,7 +20,7 @@ def main() -> None:
     Their exit codes are 143 and 130. Commands that can save their work take over both signals until
     it is saved. Ctrl-C while the process ends, once all is saved, ends it at once.
     """
-    signal.signal(signal.SIGTERM, _interrupt)
+    signal.signal(signal.SIGTERM, interrupt)
     listens = signal.getsignal(signal.SIGINT) is not signal.SIG_IGN  # as not behind a shell
     warnings.formatwarning = _in_one_line
     atexit.register(signal.signal, signal.SIGINT, signal.SIG_IGN)  # Python's own end would be hit
@@ -27,10 +28,10 @@ def main() -> None:
         from eutree.cli.main import run
 
         if listens:
-            signal.signal(signal.SIGINT, signal.default_int_handler)
+            signal.signal(signal.SIGINT, interrupt)
         code = run(sys.argv[1:])
-    except KeyboardInterrupt as interrupt:  # while the command line itself was being imported
-        code = 128 + (interrupt.args[0] if interrupt.args else signal.SIGINT)
+    except KeyboardInterrupt as asked:  # while the command line itself was being imported
+        code = 128 + (asked.args[0] if asked.args else signal.SIGINT)
     finally:
         if listens:
             signal.signal(signal.SIGINT, lambda *_: os._exit(128 + signal.SIGINT))
@@ -47,10 +48,6 @@ def _in_one_line(message: Warning | str, *_: object, **__: object) -> str:
         return ""
     _said.add(said)
     return f"warning: {said}\n"
-
-
-def _interrupt(number: int, frame: FrameType | None) -> None:
-    raise KeyboardInterrupt(number)
 
 
 if __name__ == "__main__":

@@ -19,10 +19,12 @@ from contextlib import contextmanager
 from difflib import get_close_matches
 from pathlib import Path
 from traceback import walk_tb
+from types import FrameType
 from typing import Any
 
 MAX_SHOWN = 100  # characters of a value in a message
 NOTED = "raised in "  # begins a note that says in whose code something was raised
+_interrupts: list[int] = []  # signals that interrupted this process
 
 
 class EutreeError(Exception):
@@ -196,6 +198,18 @@ def noted(kind: type, words: str) -> Iterator[None]:
         if package != "eutree" and package in (name.partition(".")[0] for name in frames):
             error.add_note(f"{NOTED}{words}")
         raise
+
+
+def interrupt(number: int, frame: FrameType | None) -> None:
+    """Raise KeyboardInterrupt for a signal: what the command line does at Ctrl-C and SIGTERM."""
+    _interrupts.append(number)
+    raise KeyboardInterrupt(number)
+
+
+def interrupt_again() -> None:
+    """Raise it once more after another author's code that may drop it, as SciPy's ``ode`` does."""
+    if _interrupts:
+        raise KeyboardInterrupt(_interrupts[-1])
 
 
 def _cut(text: str) -> str:

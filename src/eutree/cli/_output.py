@@ -8,11 +8,12 @@ import ctypes
 import io
 import json
 import logging
+import math
 import os
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, redirect_stdout, suppress
+from contextlib import AbstractContextManager, contextmanager, redirect_stdout, suppress
 from typing import TYPE_CHECKING, Any, NamedTuple, TextIO
 
 import click
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
 _HEADER = "leaves  return [95 %]                 success"
 _WIDTH = 20
 _SECONDS = 2.0  # between two lines about compiling
+_SOON = 10.0  # seconds until play is known to be slow
 _results: TextIO | None = None
 
 
@@ -87,6 +89,7 @@ class ProgressLine:
                 rich.BarColumn(),
                 rich.MofNCompleteColumn(),
                 rich.TimeElapsedColumn(),
+                rich.TimeRemainingColumn(),
                 rich.TextColumn("{task.fields[note]}"),
                 console=self._console,
             )
@@ -237,15 +240,57 @@ class _Saying(logging.Handler):
         self._said = now
 
 
-@contextmanager
-def said_what_is_compiled() -> Iterator[None]:
+class _Counting(logging.Handler):
+    """How much is played, where that takes long: at ``_SOON``, and ever less often."""
+
+    def __init__(self, total: int, steps: bool, less: str) -> None:
+        super().__init__(logging.DEBUG)
+        self._total, self._steps, self._less = total, steps, less
+        self._count, self._began, self._next = 0, time.monotonic(), _SOON
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Count an episode that is over."""
+        length = record.args[-1] if isinstance(record.args, tuple) else 0
+        self._count += int(str(length)) if self._steps else 1
+        elapsed = time.monotonic() - self._began
+        if elapsed < self._next:
+            return
+        self._next = math.inf if self._less else 1.5 * elapsed
+        left = elapsed * (self._total / max(self._count, 1) - 1.0)
+        unit = "steps" if self._steps else "episodes"
+        click.echo(
+            f"{unit} played: {self._count:,} of {self._total:,}, about {max(left, 0.0) / 60:.0f} "
+            f"minutes are left{self._less}", err=True,
+        )  # fmt: skip
+
+
+def said_what_is_compiled() -> AbstractContextManager[None]:
     """Report the compilation of kernels while the context lasts."""
-    logger, saying = logging.getLogger("eutree.compiled"), _Saying()
+    return _heard("eutree.compiled", _Saying())
+
+
+def said_what_is_played(
+    total: int, *, steps: bool = False, less: str = ""
+) -> AbstractContextManager[None]:
+    """Report how much this process has played, where that takes long, while the context lasts.
+
+    Args:
+        total: How many episodes, or steps, there will be.
+        steps: Count steps.
+        less: What a user may do about it; then it is said once.
+    """
+    return _heard("eutree.interaction.episode", _Counting(total, steps, less))
+
+
+@contextmanager
+def _heard(name: str, handler: logging.Handler) -> Iterator[None]:
+    """Let a handler hear a logger while the context lasts."""
+    logger = logging.getLogger(name)
     level = logger.level
-    logger.addHandler(saying)
-    logger.setLevel(logging.INFO)
+    logger.addHandler(handler)
+    logger.setLevel(handler.level)
     try:
         yield
     finally:
         logger.setLevel(level)
-        logger.removeHandler(saying)
+        logger.removeHandler(handler)

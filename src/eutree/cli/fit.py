@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from eutree.cli import _options as option
-from eutree.cli._output import Result, figures_of, progress
+from eutree.cli._output import Result, figures_of, progress, said_what_is_played
 from eutree.cli._policies import OWN, check_fits, controller, load_demonstrations, load_policy
 from eutree.cli.parts import cluster, workers_options
 from eutree.data import DemonstrationFolder
@@ -68,7 +68,9 @@ def fit(
     demos = load_demonstrations(demonstrations)
     check_writable(out)
     env = demos.environment.override(env_arguments) if demos.environment else None
-    with progress("", 1) as line:
+    less = "; --episodes 20 plays a tenth of the default, --episodes 0 nothing"
+    plays = said_what_is_played(4 * options["episodes"], less=less)  # a race, then the verdict
+    with progress("", 1) as line, plays:
         report = fit_tree(
             demos,
             env if env_arguments else None,
@@ -116,7 +118,8 @@ def hurting(
         check_new_folder(out)
     if demos.environment is None:
         raise InvalidArgumentError(f"{folder} names no environment, so that no tree can play")
-    with progress("", 1) as line:
+    plays = said_what_is_played(episodes, less="; --episodes 300 plays a tenth of the default")
+    with progress("", 1) as line, plays:
         found = find_hurting(
             demos,
             demos.environment.override(env_arguments),

@@ -10,7 +10,7 @@ from typing import Any
 import click
 
 from eutree.cli import _options as option
-from eutree.cli._output import Result, figures_of, say
+from eutree.cli._output import Result, figures_of, said_what_is_played, say
 from eutree.cli._policies import (
     in_zoo,
     load_demonstrations,
@@ -230,7 +230,8 @@ def edit(
     returns: list[float] = []
     if edited.changes and before.environment is not None and episodes:
         try:
-            with closing(make(before.environment.override(env_arguments))) as env:
+            spec = before.environment.override(env_arguments)
+            with closing(make(spec)) as env, said_what_is_played(2 * episodes):
                 returns = [
                     evaluate(each, env, episodes=episodes, seed=seed).mean_return
                     for each in (before, edited.policy)

@@ -6,7 +6,7 @@ from typing import Any
 import click
 
 from eutree.cli import _options as option
-from eutree.cli._output import Result, figures_of
+from eutree.cli._output import Result, figures_of, said_what_is_played
 from eutree.cli._policies import against_option, check_fits, controller, load_policy, set_against
 from eutree.cli.parts import cluster, workers_options
 from eutree.errors import InvalidArgumentError
@@ -47,7 +47,8 @@ def evaluate(
     spec = _spec(loaded, policy, environment, env_arguments, hint)
     check_fits(loaded, policy, spec)
     rival = None if against is None else controller(against, "--against", spec)
-    with cluster(backend, address):
+    total = episodes if rival is None else 2 * episodes
+    with cluster(backend, address), said_what_is_played(total):
         result = evaluate_policy(loaded, spec, episodes=episodes, seed=seed, n_jobs=n_jobs)
         found = set_against(rival, spec, result, name=against, seed=seed, n_jobs=n_jobs)
     return Result(
@@ -117,7 +118,8 @@ def prove(
         sampling = Sampling(confidence=confidence, returns=returns)
         asked = asked_of_episodes(question, str(spec), sampling)
         check_fits(loaded, policy, spec)
-        evaluation = evaluate_policy(loaded, spec, episodes=episodes, seed=seed)
+        with said_what_is_played(episodes):
+            evaluation = evaluate_policy(loaded, spec, episodes=episodes, seed=seed)
         found = certify_sample(evaluation, asked, environment=str(spec), sampling=sampling)
     else:
         found = prove_policy(loaded, plant, question)

@@ -97,11 +97,17 @@ def _extent(policy: TreePolicy, ground: Ground, episodes: int) -> tuple[CommonEp
     most = min(STARTS, max(3 * episodes // 2, FEW_STARTS))
     if ground.side_by_side:
         return CommonEpisodes(ground, most), STEPS
-    common = CommonEpisodes(ground, FEW_STARTS)
+    few = min(FEW_STARTS, episodes)
+    common = CommonEpisodes(ground, few)
     common.redraw(policy)
-    length = common.traces.actions.size / FEW_STARTS
-    n = int(np.clip(FEW_STEPS / (length * PER_START), FEW_STARTS, most))
-    return CommonEpisodes(ground, n, FEW_STARTS), FEW_STEPS
+    length, steps = common.traces.actions.size / few, few_steps(episodes)
+    n = int(np.clip(steps / (length * PER_START), few, most))
+    return CommonEpisodes(ground, n, few), steps
+
+
+def few_steps(episodes: int) -> int:
+    """Return the most steps of a search where episodes run one by one: fewer if few judge."""
+    return FEW_STEPS * min(episodes, STARTS) // STARTS
 
 
 def _best_of_each_size(

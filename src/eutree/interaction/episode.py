@@ -6,6 +6,7 @@ anything of those before. It has 31 bits: simulators written in C++ keep theirs 
 of 32.
 """
 
+import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum, unique
@@ -27,6 +28,7 @@ from eutree.policies import Policy, TreePolicy
 from eutree.validation import check_integer, check_seed
 
 MAX_EPISODE_SEED = 2**31 - 1
+logger = logging.getLogger(__name__)
 
 
 @unique
@@ -79,6 +81,7 @@ def run_episode(env: GuardedEnv, policy: Policy, seed: int | None = None) -> Epi
     actor = Actor(policy, env)
     while not steps.is_over:
         steps.take(actor.act(steps.present, env.allowed))
+    logger.debug("%s, seed %s: %d steps", env.spec, seed, len(steps))
     return steps.episode(seed)
 
 

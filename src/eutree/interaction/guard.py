@@ -14,7 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eutree.arrays import Booleans, Floats
-from eutree.errors import EnvironmentFault, EutreeError, InvalidArgumentError, described, shown
+from eutree.errors import (
+    EnvironmentFault,
+    EutreeError,
+    InvalidArgumentError,
+    described,
+    interrupt_again,
+    shown,
+)
 from eutree.features import FeatureMap
 from eutree.interaction.action_grid import (
     ActionMasks,
@@ -168,7 +175,9 @@ class GuardedEnv:
         """Return an environment's answer; a hint follows errors that have its sign."""
         try:
             with self._folder:
-                return ask()
+                answer = ask()
+            interrupt_again()
+            return answer
         except KeyboardInterrupt:
             raise
         except BaseException as error:  # no environment may end the process

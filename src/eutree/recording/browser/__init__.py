@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any
 
+from eutree.errors import interrupt
 from eutree.recording.browser.server import PageServer
 from eutree.recording.recorder import Recorder
 from eutree.recording.tree_making import Guide, TreeMaker
@@ -59,12 +60,13 @@ def record_in_browser(
 def _orderly_end() -> Iterator[None]:
     """Let SIGTERM raise SystemExit(143) where nothing else handles it.
 
-    SDL, which draws many environments, otherwise takes the signal for itself and ignores it.
+    SDL, which draws many environments, otherwise takes the signal for itself and ignores it. Ctrl-C
+    of the command line is left to asyncio, which ends its tasks in order.
     """
-    if (
-        threading.current_thread() is not threading.main_thread()
-        or signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL
-    ):
+    is_main = threading.current_thread() is threading.main_thread()
+    if is_main and signal.getsignal(signal.SIGINT) is interrupt:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+    if not is_main or signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL:
         yield
         return
     signal.signal(signal.SIGTERM, _exit)
