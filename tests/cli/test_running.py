@@ -61,6 +61,24 @@ def test_relative_paths_stay_where_the_command_began(eutree, strange, tmp_path, 
     assert sorted(path.name for path in elsewhere.iterdir()) == ["here"]
 
 
+def test_commands_say_how_long_a_slow_environment_takes(eutree, strange, monkeypatch):
+    """`evaluate` and `compress` were silent for hours."""
+    monkeypatch.setattr("eutree.cli._output._SOON", 0.0)
+    strange(Healthy)
+    play = ["--episodes", 4]
+    shown = ("record", "Strange-v0", "--expert", "tests.interaction.sick:moves", "--out", "shown")
+    assert eutree(*shown, *play).code == 0
+    fitted = eutree("fit", "shown", "--out", "tree.json", *play)
+    assert "episodes played: 1 of 16, about 0 minutes are left; --episodes 20" in fitted.err
+    played = eutree("evaluate", "tree.json", *play)
+    assert "episodes played: 1 of 4, about 0 minutes are left\n" in played.err
+    smaller = eutree("compress", "tree.json", "--out", "small.json", *play, "--json")
+    assert "steps played: 5 of " in smaller.err
+    assert "--mode lossless nothing" in smaller.err
+    monkeypatch.setattr("eutree.cli._output._SOON", 1000.0)
+    assert "played" not in eutree("evaluate", "tree.json", *play).err
+
+
 def failing(error, *, moment, episode):
     """Return an environment that raises at the reset, or at step 2, of an episode."""
 

@@ -26,6 +26,11 @@ class Healthy(gymnasium.Env):
         return observation, float(action), self.count == 5, False, {"is_success": True}
 
 
+def moves(observation):
+    """Demonstrate."""
+    return int(observation[0] > 0.5)
+
+
 def answering(**changes):
     """Return a healthy environment whose third step answers otherwise."""
     names = ("observation", "reward", "terminated", "truncated", "info")

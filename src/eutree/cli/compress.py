@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from eutree.world_model import Transitions
 
 _LESS = (
-    " in one process, and the choice plays more; --episodes 20 plays a fiftieth of the default, "
+    " in one process, and the choice plays more; --episodes 20 plays a tenth of the default, "
     "--mode lossless nothing"
 )
 _FIGURES = """

@@ -20,6 +20,7 @@ from eutree.policies import TreePolicy
 
 STARTS, STEPS = 1000, 60_000_000  # of each size, and steps of all, where episodes run side by side
 FEW_STARTS, FEW_STEPS = 60, 1_500_000  # where they run one by one
+JUDGES = 200  # episodes of an evaluation, of which fewer mean a shorter search
 PER_START = 800  # episodes of a search for each start, about
 LOSES = 0.1  # of the range of returns: a size that loses more ends the search
 SLACK = 0.01  # of the range of returns: a smaller difference counts as none
@@ -107,7 +108,7 @@ def _extent(policy: TreePolicy, ground: Ground, episodes: int) -> tuple[CommonEp
 
 def few_steps(episodes: int) -> int:
     """Return the most steps of a search where episodes run one by one: fewer if few judge."""
-    return FEW_STEPS * min(episodes, STARTS) // STARTS
+    return FEW_STEPS * min(episodes, JUDGES) // JUDGES
 
 
 def _best_of_each_size(
