@@ -24,14 +24,7 @@ from eutree.neural import Network, Scaling
 from eutree.neural.double_dqn import CHUNK, SLOWEST, copied, network_of, random_network
 from eutree.validation import check_amounts, check_number
 from eutree.world_model import _kernels_ensemble as kernels
-from eutree.world_model._kernels_ensemble import (
-    BAD,
-    GOES_ON,
-    GOOD,
-    Fitting,
-    Scales,
-    Steps,
-)
+from eutree.world_model._kernels_ensemble import BAD, GOES_ON, GOOD, Fitting, Scales, Steps
 from eutree.world_model._kernels_ensemble_lanes import ROWS, EnsembleWorld
 from eutree.world_model._kernels_formulas import formulas_of
 from eutree.world_model.transitions import Transitions

@@ -9,17 +9,8 @@ import numpy as np
 from eutree.arrays import Booleans, Floats
 from eutree.errors import InvalidArgumentError
 from eutree.features import Derivation
-from eutree.learners.declared import (
-    Declared,
-    arrays_of,
-    give_back,
-)
-from eutree.learners.distilled_dqn.races import (
-    MOST_PRUNED,
-    ImaginedChallengers,
-    RacedTree,
-    Races,
-)
+from eutree.learners.declared import Declared, arrays_of, give_back
+from eutree.learners.distilled_dqn.races import MOST_PRUNED, ImaginedChallengers, RacedTree, Races
 from eutree.learners.distilled_dqn.state import Stage, parts_of, sizes_with
 from eutree.learners.distilled_dqn.teaching import (
     DAgger,
