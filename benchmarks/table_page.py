@@ -318,7 +318,7 @@ AIMS = """\
 | 4-Evasion: 92 %, return 75 with 32 leaves | 93.3 %, 77.2 in 500 k: long races [begin \
 again](../decisions/racing.md) from trees of good episodes |
 | 3-Evasion: 98.5 %, return 90 with 32 leaves | 99.2 %, 90.4 with 16 leaves in 100 k: trees [cut \
-together](../decisions/racing.md); 99.0 %, 91.2 with 32 in 500 k, six runs |
+together](../decisions/racing.md); 98.9 %, 90.8 with 32 in 500 k |
 | two tanks -165 | -164.1 with 16 leaves, -159.0 with 32, in 500 k |
 | LunarLander 160 with 20 leaves, 200 with 34, 500 k; 230 with 34, 1 M | 229.7 with at most 16 \
 leaves in 500 k, 255.5 with 32, five runs, by two [derived features](../derived-features.md) \
