@@ -14,6 +14,7 @@ The command line prints the message of an ``EutreeError`` as one line and exits 
 """
 
 import sys
+import threading
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from difflib import get_close_matches
@@ -208,7 +209,7 @@ def interrupt(number: int, frame: FrameType | None) -> None:
 
 def interrupt_again() -> None:
     """Raise it once more after another author's code that may drop it, as SciPy's ``ode`` does."""
-    if _interrupts:
+    if _interrupts and threading.current_thread() is threading.main_thread():
         raise KeyboardInterrupt(_interrupts[-1])
 
 
