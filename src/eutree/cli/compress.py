@@ -261,8 +261,8 @@ def _in_words(report: "CompressionReport", n_rows: int) -> str:
         f"{report.disagreement_volume:.3%} of the observation box"
     )
     if report.imagined is not None:
-        before, after = report.imagined
-        words += f"; imagined to earn {before:.2f} before, {after:.2f} after"
+        (before, after), digits = report.imagined, fixed(2, report.imagined)
+        words += f"; imagined to earn {before:{digits}} before, {after:{digits}} after"
     if report.return_change is not None:
         change = report.return_change
         digits = fixed(2, [report.mean_return_before or 0.0, report.mean_return_after or 0.0])
@@ -298,10 +298,11 @@ def _played(rounding: "RoundingPlayed") -> str:
     """Return the change of the return by rounding, in words."""
     if not rounding.different:
         return f"rounded, it earned the same in each of {rounding.episodes} episodes"
+    digits = fixed(2, [rounding.exact, rounding.rounded])
     words = (
         f"rounded, it earned another return in {rounding.different} of {rounding.episodes} "
-        f"episodes: {rounding.exact:.2f} on average with the exact thresholds, "
-        f"{rounding.rounded:.2f} with the rounded ones"
+        f"episodes: {rounding.exact:{digits}} on average with the exact thresholds, "
+        f"{rounding.rounded:{digits}} with the rounded ones"
     )
     return words if rounding.kept else f"{words}, which is more than may be lost: they stay exact"
 

@@ -14,7 +14,7 @@ from eutree.cli._output import Result, figures_of, progress, said_what_is_played
 from eutree.cli._policies import OWN, check_fits, controller, load_demonstrations, load_policy
 from eutree.cli.parts import cluster, workers_options
 from eutree.data import DemonstrationFolder
-from eutree.display import counted
+from eutree.display import counted, fixed
 from eutree.errors import InvalidArgumentError
 from eutree.evaluation import Evaluation
 from eutree.files import check_new_folder, check_writable
@@ -259,7 +259,9 @@ def distill(
             DistillationSettings(**settings),
             demonstrations=shown,
             on_round=lambda number, made: line.update(
-                number + 1, f"{counted(made.n_leaves, 'leaf')}, mean return {made.mean_return:.2f}"
+                number + 1,
+                f"{counted(made.n_leaves, 'leaf')}, mean return "
+                f"{made.mean_return:{fixed(2, [made.mean_return])}}",
             ),
             seed=seed,
             n_jobs=n_jobs,
@@ -294,6 +296,6 @@ def _distilled_in_words(report: "DistillationReport") -> str:
         f"{counted(chosen.n_leaves, 'leaf')}, tree {report.best + 1} of "
         f"{len(report.rounds)}; the teacher's action on "
         f"{chosen.agreement:.2%} of {chosen.n_transitions} observations; mean return "
-        f"{chosen.mean_return:.2f} {report.return_interval:.2f}; {report.environment_steps} "
+        f"{report.return_interval.around(chosen.mean_return, 2)}; {report.environment_steps} "
         "environment steps in all"
     )

@@ -19,6 +19,7 @@ from eutree.cli._policies import (
     renamed,
     seen_in,
 )
+from eutree.display import fixed
 from eutree.errors import InvalidArgumentError, UnknownNameError, shown
 from eutree.evaluation import evaluate
 from eutree.files import check_writable
@@ -242,7 +243,8 @@ def edit(
         edited.policy.save(out)
     lines = [numbered(edited.policy), *edited.changes, *(f"warning: {w}" for w in edited.warnings)]
     if returns:
-        both = f"mean return {returns[0]:.2f} before, {returns[1]:.2f} after"
+        digits = fixed(2, returns)
+        both = f"mean return {returns[0]:{digits}} before, {returns[1]:{digits}} after"
         lines.append(f"{both}, on the same {episodes} episodes")
     return Result(
         {

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from eutree.compression.episodes import FrontEntry
+from eutree.display import fixed
 from eutree.errors import FormatError, InvalidArgumentError, blamed
 from eutree.files import read_bytes
 from eutree.policies import TreePolicy
@@ -114,10 +115,10 @@ def _last_evaluation(events: Sequence[Event]) -> list[str]:
     found = _last(events, "evaluation")
     if found is None:
         return []
-    success = found.get("success_rate")
+    success, earned = found.get("success_rate"), found["mean_return"]
     succeeded = "" if success is None else f"{success:.0%} success, ".replace("%", " %")
     return [
-        f"At the end {succeeded}mean return {found['mean_return']:.2f} "
+        f"At the end {succeeded}mean return {earned:{fixed(2, [earned])}} "
         f"with {found['n_leaves']:,} leaves."
     ]
 
