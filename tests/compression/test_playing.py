@@ -128,6 +128,16 @@ def test_a_limit_of_leaves_holds_where_the_steps_end_before_a_small_tree_is_foun
     assert (report.method, report.by) == ("budget", "labels")
 
 
+@pytest.mark.parametrize("episodes", [2, 20])
+def test_a_search_plays_less_where_few_episodes_judge(episodes):
+    """Of two starts a quarter is none; at least twelve are played."""
+    env = RealEpisodes(Corridor(), episodes=episodes, searches=True)
+    small, report = eutree.compress(BUSY, np.empty((0, 1)), env=env)
+    many = eutree.compress(BUSY, np.empty((0, 1)), env=replace(env, episodes=200))[1]
+    assert small.n_leaves < BUSY.n_leaves
+    assert report.environment_steps < many.environment_steps
+
+
 @pytest.mark.parametrize("n_jobs", [None, 2])
 def test_trees_that_ask_for_what_is_derived_play_where_nobody_declared_it(n_jobs):
     falls = eutree.experts.EXPERTS["CartPole-v1"]["fall"]

@@ -20,6 +20,7 @@ from eutree.policies import TreePolicy
 
 STARTS, STEPS = 1000, 60_000_000  # of each size, and steps of all, where episodes run side by side
 FEW_STARTS, FEW_STEPS = 60, 1_500_000  # where they run one by one
+FEWEST_STARTS = 12  # of which a quarter sees that a change does harm
 JUDGES = 200  # episodes of an evaluation, of which fewer mean a shorter search
 PER_START = 800  # episodes of a search for each start, about
 LOSES = 0.1  # of the range of returns: a size that loses more ends the search
@@ -98,7 +99,7 @@ def _extent(policy: TreePolicy, ground: Ground, episodes: int) -> tuple[CommonEp
     most = min(STARTS, max(3 * episodes // 2, FEW_STARTS))
     if ground.side_by_side:
         return CommonEpisodes(ground, most), STEPS
-    few = min(FEW_STARTS, episodes)
+    few = min(FEW_STARTS, max(episodes, FEWEST_STARTS))
     common = CommonEpisodes(ground, few)
     common.redraw(policy)
     length, steps = common.traces.actions.size / few, few_steps(episodes)
