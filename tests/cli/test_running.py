@@ -75,6 +75,9 @@ def test_commands_say_how_long_a_slow_environment_takes(eutree, strange, monkeyp
     smaller = eutree("compress", "tree.json", "--out", "small.json", *play, "--json")
     assert "steps played: 5 of " in smaller.err
     assert "--mode lossless nothing" in smaller.err
+    lossless = ("compress", "tree.json", "--out", "small.json", "--demos", "shown", *play)
+    compared = eutree(*lossless, "--mode", "lossless", "--evaluate")
+    assert "episodes played: 1 of 8, about 0 minutes are left\n" in compared.err
     monkeypatch.setattr("eutree.cli._output._SOON", 1000.0)
     assert "played" not in eutree("evaluate", "tree.json", *play).err
 

@@ -14,7 +14,7 @@ import sys
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, redirect_stdout, suppress
-from typing import TYPE_CHECKING, Any, NamedTuple, TextIO
+from typing import TYPE_CHECKING, Any, NamedTuple, TextIO, cast
 
 import click
 
@@ -250,8 +250,7 @@ class _Counting(logging.Handler):
 
     def emit(self, record: logging.LogRecord) -> None:
         """Count an episode that is over."""
-        length = record.args[-1] if isinstance(record.args, tuple) else 0
-        self._count += int(str(length)) if self._steps else 1
+        self._count += cast(tuple[Any, ...], record.args)[-1] if self._steps else 1
         elapsed = time.monotonic() - self._began
         if elapsed < self._next:
             return

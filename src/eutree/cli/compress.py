@@ -147,7 +147,9 @@ def compress(
         raise InvalidArgumentError(f"--front needs an environment to play in{unplayed}")
     observations = _observations(source, demos, policy, needed=not plays or real is None)
     check_writable(out)
-    playing = said_what_is_played(few_steps(episodes), steps=True, less=_LESS)
+    playing = said_what_is_played(2 * episodes)
+    if plays or return_margin is not None:  # it searches
+        playing = said_what_is_played(few_steps(episodes), steps=True, less=_LESS)
     with cluster(backend, address), playing:
         small, report = compress_monotone(
             policy,

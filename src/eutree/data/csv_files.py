@@ -251,7 +251,10 @@ class _Table:
             if any(group.ends[-1]):
                 raise InvalidArgumentError("the episode ended on an earlier line")
             group.actions.append(self._code(row["action"]))
-            self._pass_names(group, row)
+            if row.get("action_name"):
+                self._names.setdefault(row["action"], row["action_name"])
+            if ALLOWED in row:
+                group.masks.append(self._mask(row["action"], row[ALLOWED].strip()))
             known = bool(row.get("reward"))
             if group.rewards and known != group.has_rewards:
                 raise InvalidArgumentError(
@@ -279,11 +282,8 @@ class _Table:
             raise InvalidArgumentError(f"more than {MAX_NAMES:,} actions")
         return code
 
-    def _pass_names(self, group: _EpisodeRows, row: dict[str, str]) -> None:
-        """Take what a row says about actions beside the one that it has."""
-        action, cell = row["action"], row.get(ALLOWED, "").strip()
-        if action not in self._names and row.get("action_name"):
-            self._names[action] = row["action_name"]
+    def _mask(self, action: str, cell: str) -> int:
+        """Return the number of the set of actions that a cell allows, the one taken among them."""
         is_one = cell in self._codes or "|" in cell  # a name, or names, perhaps with blanks
         texts = cell.split("|") if is_one else cell.split()
         codes = {self._code(self._action_text(text)) for text in texts}
@@ -291,7 +291,7 @@ class _Table:
             raise InvalidArgumentError(
                 f"{ALLOWED} must have the action taken, {action!r}: {cell!r}"
             )
-        group.masks.append(self._masks.setdefault(tuple(sorted(codes)), len(self._masks)))
+        return self._masks.setdefault(tuple(sorted(codes)), len(self._masks))
 
     def _value(self, row: dict[str, str], column: str) -> float:
         """Return the number in a cell, that of its category where it is text."""

@@ -369,10 +369,12 @@ def misfit(episode: Episode, schema: Schema) -> str:
     if len(episode) and (episode.actions.min() < 0 or episode.actions.max() >= schema.n_actions):
         low, high = episode.actions.min(), episode.actions.max()
         return f"must have actions in 0..{schema.n_actions - 1}, got {low}..{high}"
-    allowed, steps = episode.allowed, np.arange(len(episode))
-    if allowed is not None and allowed.shape[1:] != (schema.n_actions,):
+    if (allowed := episode.allowed) is None:
+        return ""
+    if allowed.shape[1:] != (schema.n_actions,):
         return f"must have masks of {schema.n_actions} actions, got shape {allowed.shape}"
-    if allowed is not None and not allowed[steps, episode.actions].all():
-        step = int(allowed[steps, episode.actions].argmin())
+    forbidden = np.flatnonzero(~allowed[np.arange(len(episode)), episode.actions])
+    if forbidden.size:
+        step = int(forbidden[0])
         return f"must allow the actions taken, but masks action {episode.actions[step]} in {step=}"
     return ""

@@ -64,16 +64,18 @@ def _orderly_end() -> Iterator[None]:
     of the command line is left to asyncio, which ends its tasks in order.
     """
     is_main = threading.current_thread() is threading.main_thread()
-    if is_main and signal.getsignal(signal.SIGINT) is interrupt:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
-    if not is_main or signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL:
-        yield
-        return
-    signal.signal(signal.SIGTERM, _exit)
+    handlers: list[tuple[int, Any, Any]] = [
+        (signal.SIGINT, interrupt, signal.default_int_handler),
+        (signal.SIGTERM, signal.SIG_DFL, _exit),
+    ]
+    replaced = [one for one in handlers if is_main and signal.getsignal(one[0]) is one[1]]
+    for number, _, here in replaced:
+        signal.signal(number, here)
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        for number, before, _ in replaced:
+            signal.signal(number, before)
 
 
 def _exit(number: int, frame: FrameType | None) -> None:
