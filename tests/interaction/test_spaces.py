@@ -256,3 +256,57 @@ def test_pixels_are_pixels_and_bytes_are_numbers():
         describe(env)
     env.observation_space = spaces.Box(0, 255, (128,), np.uint8)
     assert describe(env).n_features == 128
+
+
+class Grid(Healthy):
+    """Observes a matrix: two rows of two."""
+
+    observation_space = spaces.Box(0.0, 2.0, (2, 2), np.float64)
+
+    def reset(self, *, seed=None, options=None):
+        return np.outer([1, 2], super().reset(seed=seed)[0]), {}
+
+    def step(self, action):
+        observation, *rest = super().step(action)
+        return np.outer([1, 2], observation), *rest
+
+
+class Picture(Grid):
+    observation_space = spaces.Box(0, 255, (64, 64), np.uint8)
+
+
+@pytest.fixture
+def registered():
+    """Register the environments that observe a matrix and a picture."""
+    for of in (Grid, Picture):
+        gymnasium.register(f"{of.__name__}-v0", of, disable_env_checker=True)
+    yield
+    for of in (Grid, Picture):
+        gymnasium.registry.pop(f"{of.__name__}-v0")
+
+
+@pytest.mark.usefixtures("registered")
+def test_a_matrix_is_laid_out_in_a_row_where_an_id_is_made():
+    env = make("Grid-v0")
+    matrix = env.env.reset(seed=3)[0]
+    assert matrix.shape == (2, 2)
+    assert env.reset(seed=3)[0].tolist() == matrix.ravel().tolist()
+    assert describe(env).feature_names == ("x0", "x1", "x2", "x3")
+    spec = spec_of(env)
+    assert describe(make(spec)) == describe(env)
+    assert spec_of(make(spec)) == spec
+    with pytest.raises(UnsupportedSpaceError, match="FlattenObservation"):
+        describe(gymnasium.make("Grid-v0"))
+    with pytest.raises(UnsupportedSpaceError, match="pixels"):
+        describe(make("Picture-v0"))
+
+
+@pytest.mark.usefixtures("registered")
+def test_a_matrix_has_the_names_that_its_environment_gives():
+    env = make("Grid-v0")
+    env.unwrapped.feature_names = ["a", "b", "c", "d"]
+    env.unwrapped.feature_units = ["m", "", "", ""]
+    assert describe(env).feature_names == ("a", "b", "c", "d")
+    assert describe(env).features[0].unit == "m"
+    flat = FlattenObservation(gymnasium.make("CartPole-v1"))
+    assert describe(flat).feature_names == describe(gymnasium.make("CartPole-v1")).feature_names

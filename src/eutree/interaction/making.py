@@ -30,6 +30,7 @@ from eutree.errors import (
 from eutree.interaction.action_grid import ACTION_GRID, with_grid
 from eutree.interaction.decoding import DECODE, ONE_HOT, DecodedObservation, decodes, one_hot_around
 from eutree.interaction.names import Names, given_names, named
+from eutree.interaction.spaces import is_matrix
 from eutree.parallel import Workers
 from eutree.schema import EnvironmentSpec
 from eutree.zoo import PREFIX, module_of
@@ -91,9 +92,10 @@ def make(spec: EnvironmentSpec | str, *, render_mode: str | None = None) -> gymn
 
     The argument ``decode=True``, unless the environment has one of that name itself, makes its
     observations the parts of its codes; see ``DecodedObservation``. With ``one_hot=True`` each
-    value of a ``Discrete`` is a feature of its own. With ``action_grid=...`` its actions are
-    combinations of the levels named there; see ``GriddedAction``. An environment that decodes, is
-    flat, or has that grid, itself is left as it is.
+    value of a ``Discrete`` is a feature of its own, as it is asked for of a matrix of numbers, to
+    lay it out in a row. With ``action_grid=...`` its actions are combinations of the levels named
+    there; see ``GriddedAction``. An environment that decodes, is flat, or has that grid, itself is
+    left as it is.
 
     Raises:
         UnknownNameError: No environment of that id is registered; names the nearest.
@@ -116,7 +118,8 @@ def make(spec: EnvironmentSpec | str, *, render_mode: str | None = None) -> gymn
             made.append(env)
         if taken.get(DECODE) and not decodes(env):
             env = DecodedObservation(env)
-        if taken.get(ONE_HOT) and one_hot_around(env) is None:
+        is_asked = taken.get(ONE_HOT, is_matrix(env.observation_space))
+        if is_asked and one_hot_around(env) is None:
             env = FlattenObservation(env)
         if taken.get(ACTION_GRID) is not None:
             env = with_grid(env, taken[ACTION_GRID])

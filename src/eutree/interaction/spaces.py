@@ -105,9 +105,11 @@ def describe(env: gymnasium.Env[Any, Any]) -> Schema:
 def _features(env: gymnasium.Env[Any, Any], family: str) -> tuple[Feature, ...]:
     """Return the features that the environment observes itself."""
     flat = one_hot_around(env)
-    if flat is not None:
-        return tuple(_one_hot(flat.env.observation_space, "", name_of(env)))
-    features = _entries(env.observation_space, name_of(env))
+    features = (
+        _entries(env.observation_space, name_of(env))
+        if flat is None
+        else list(_one_hot(flat.env.observation_space, "", name_of(env)))
+    )
     if not 1 <= len(features) <= MAX_FEATURES:
         raise UnsupportedSpaceError(
             f"{name_of(env)} must observe from 1 to {MAX_FEATURES:,} numbers, got {len(features):,}"
@@ -208,6 +210,17 @@ def _changes_meanings(wrapper: gymnasium.Wrapper[Any, Any, Any, Any]) -> bool:
         or wrapper.observation_space is not wrapper.env.observation_space
         or wrapper.action_space is not wrapper.env.action_space
     )
+
+
+def is_matrix(space: spaces.Space[Any]) -> bool:
+    """Return whether a space is a matrix of numbers, and no picture."""
+    is_one = isinstance(space, spaces.Box | spaces.MultiBinary) and len(space.shape) > 1
+    return is_one and not _is_picture(space)
+
+
+def _is_picture(space: spaces.Space[Any]) -> bool:
+    height, width = (*(space.shape or ()), 1, 1)[:2]
+    return space.dtype == np.uint8 and height * width > MOST_SYMBOLS
 
 
 def encoder(space: spaces.Space[Any]) -> Encoder:
@@ -312,9 +325,8 @@ def _what_helps(space: spaces.Space[Any]) -> str:
     if not isinstance(space, spaces.Box | spaces.MultiDiscrete | spaces.MultiBinary):
         return "leave it out; of a Dict by gymnasium.wrappers.FilterObservation(env, OTHER_KEYS)"
     wrap = "wrap it with gymnasium.wrappers.FlattenObservation"
-    if not isinstance(space, spaces.Box) or space.dtype != np.uint8:
+    if space.dtype != np.uint8:
         return wrap
-    height, width = (*space.shape, 1)[:2]
-    if height * width <= MOST_SYMBOLS:
+    if not _is_picture(space):
         return f"{wrap}, if these are symbols, as MiniGrid's are, and no picture"
     return "a tree cannot learn from pixels: let the environment observe quantities instead"

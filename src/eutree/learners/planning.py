@@ -48,6 +48,7 @@ from eutree.learners.learner import (
 from eutree.policies import LeafStatistics, TreePolicy
 from eutree.policies.leaf_statistics import returns_by_action
 from eutree.policy_search.planner import Planned, Planner
+from eutree.policy_search.variation import Variation
 from eutree.schema import Schema
 from eutree.trees import DecisionTree
 from eutree.trees.edit import graft
@@ -56,6 +57,9 @@ from eutree.world_model import ActionTree, PairedRollouts, Transitions
 from eutree.world_model.action_trees import from_decision_tree, to_decision_tree
 from eutree.world_model.transitions import seen_as
 
+_AT_RANDOM = 0.5  # share of a blind explorer's episodes in which each action is drawn
+_CHANGES, _RANDOM_LEAVES = 8, 10  # of a single action into its random tree, at most, and its size
+_VISITED = 5000  # latest observations that its thresholds are drawn from
 _UNPRUNED = C45Settings(use_penalty=False, prune=False)
 
 
@@ -180,19 +184,39 @@ class ModelPlanning:
     def start_episode(self, observation: Floats, generator: np.random.Generator) -> None:
         """Begin an episode at its first observation, shape [d]; choose who acts in it."""
         self._steps.start(observation, generator)
-        plan = self.plan
-        blind = plan.explorer is None and not self._informed
-        self._explores = blind or generator.random() < self.method.planner.explorer_share
-        self._proves_itself = self.method.planner.incumbent_acts(plan)
+        plan, method = self.plan, self.method
+        blind = not self._informed and (plan.explorer is None or plan.knows_nothing)
+        unguided = blind and plan.challenger is None
+        self._explores = unguided or generator.random() < method.planner.explorer_share
+        self._proves_itself = method.planner.incumbent_acts(plan)
         actor = plan.incumbent if self._proves_itself else plan.evaluated
         self._exploration = 0.0
-        if self._explores:
+        if self._explores and blind:
+            actor = self._random_tree(generator)
+            self._exploration = float(generator.random() < _AT_RANDOM)
+        elif self._explores:
             actor = plan.incumbent if plan.explorer is None else plan.explorer
-            self._exploration = 1.0 if blind else self.method.exploration
+            self._exploration = method.exploration
         if actor is not self._acting:  # most episodes are those of the tree before
             schema = Schema.anonymous(self.tree.n_features, self.n_actions)
             self._acting = actor
             self._actor = TreePolicy(*to_decision_tree(actor, schema.n_features), schema)
+
+    def _random_tree(self, generator: np.random.Generator) -> ActionTree:
+        """Return a tree of random actions, with thresholds at what was observed.
+
+        Actions that are drawn at each step undo each other: a car in a valley stays there.
+        """
+        tree = from_decision_tree(
+            DecisionTree.single_leaf(self.tree.n_features),
+            generator.integers(self.n_actions, size=1),
+        )
+        if self.history.size:
+            variation = Variation(self.n_actions, _RANDOM_LEAVES, generator)
+            visited = self.history.observations[-_VISITED:]
+            for _ in range(int(generator.integers(_CHANGES + 1))):
+                tree = variation.of(tree, visited) or tree
+        return tree
 
     def act(self, allowed: Booleans | None = None) -> int:
         """Return the acting tree's action for the present observation; the explorer's may err."""
@@ -233,10 +257,10 @@ class ModelPlanning:
         if not history.size or not planner.due(self.plan, history.n_seen):
             return Update()
         before, challenger = self.plan.incumbent, self.plan.challenger
-        plan = planner.plan(self.plan, self._known(), generator)
+        plan = planner.plan(self.plan, self._known(), generator, history.n_seen)
         self.plan = replace(plan, planned_at=history.n_seen)
-        if self.plan.incumbent is not before:
-            self._adopt(*to_decision_tree(self.plan.incumbent, self.tree.n_features))
+        if plan.incumbent is not before:
+            self._adopt(*to_decision_tree(plan.incumbent, self.tree.n_features))
         is_new = plan.challenger is not None and plan.challenger is not challenger
         return Update(figures={"challengers": int(is_new), "model_steps": plan.model_steps})
 

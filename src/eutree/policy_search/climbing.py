@@ -32,6 +32,7 @@ HOT = 0.02  # share of a typical return that a change may cost at first, about
 HOT_LEAVES = 0.4  # such a share of those annealed together, times the leaves allowed
 FALL = 0.6  # share of their changes in which the limit of leaves falls
 MOST_ROWS = 20_000  # that a tree is grown from
+LUCKY = 5  # episodes
 BEST = 0.75  # quantile of the returns
 
 
@@ -134,6 +135,18 @@ def restarts(data: Transitions, *, max_leaves: int) -> Iterator[ActionTree]:
         if rows.size:
             kept = np.unique(np.linspace(0, rows.size - 1, MOST_ROWS).astype(np.int64))
             yield _grown(data, rows[kept], max_leaves)
+
+
+def luckiest(
+    data: Transitions, generator: np.random.Generator, *, max_leaves: int
+) -> ActionTree | None:
+    """Return the tree of one of the few episodes that earned most; None if all earned the same."""
+    returns = data.episode_returns
+    if np.ptp(returns) == 0.0:
+        return None
+    most = int(generator.choice(np.argsort(-returns, kind="stable")[:LUCKY]))
+    owner = np.cumsum(data.first) - 1
+    return _grown(data, np.flatnonzero(owner == most), max_leaves)
 
 
 def _grown(data: Transitions, rows: Integers, max_leaves: int) -> ActionTree:

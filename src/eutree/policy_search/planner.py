@@ -14,6 +14,7 @@ import numpy as np
 from eutree.arrays import Floats, Integers
 from eutree.contests import AheadApart, Table, Verdict, new_table
 from eutree.contests.rules import lead_apart
+from eutree.policy_search.climbing import luckiest, restarts
 from eutree.policy_search.improvement import Improvement
 from eutree.validation import check_amounts, check_number
 from eutree.world_model import ActionTree, PairedRollouts, Transitions, fit_world_models
@@ -22,6 +23,7 @@ from eutree.world_model.action_trees import n_leaves
 FEWEST_ROLLOUTS = 100  # episodes
 _FEW_OWN = 10  # episodes
 _EXPLORED = 20  # episodes of explorers that are remembered
+_FIRST_LEAVES = 10  # of trees made of lucky episodes
 _CLEARLY = 3.0  # standard errors
 
 
@@ -46,6 +48,11 @@ class Planned:
         """The challenger, or the incumbent while there is none."""
         return self.incumbent if self.challenger is None else self.challenger
 
+    @property
+    def knows_nothing(self) -> bool:
+        """Whether the policy is a single action still, and nobody has shown another."""
+        return n_leaves(self.incumbent) == 1 and not self.demonstrations
+
     def with_episode(self, episode: int, *, incumbent: bool = False) -> "Planned":
         """Return the plan after an episode of ``evaluated``, or of the incumbent in its place."""
         if incumbent or self.challenger is None:
@@ -55,6 +62,16 @@ class Planned:
     def with_explored(self, episode: int) -> "Planned":
         """Return the plan after an episode of the explorer."""
         return replace(self, explorer_episodes=(*self.explorer_episodes, episode)[-_EXPLORED:])
+
+    def with_adopted(self, episodes: tuple[int, ...]) -> "Planned":
+        """Return the plan with the challenger as incumbent; these episodes are evidence on it."""
+        return replace(
+            self,
+            incumbent=self.evaluated,
+            challenger=None,
+            incumbent_episodes=episodes,
+            challenger_episodes=(),
+        )
 
     @property
     def own_episodes(self) -> tuple[int, ...]:
@@ -150,26 +167,34 @@ class Planner:
         """Return whether enough transitions were seen to plan again."""
         return n_seen > plan.planned_at * self.growth
 
-    def plan(self, plan: Planned, data: Transitions, generator: np.random.Generator) -> Planned:
-        """Return the next plan: adopt the challenger or not, then plan both trees."""
+    def plan(
+        self,
+        plan: Planned,
+        data: Transitions,
+        generator: np.random.Generator,
+        n_seen: int | None = None,
+    ) -> Planned:
+        """Return the next plan: adopt the challenger or not, then plan both trees.
+
+        Args:
+            plan: The plan so far.
+            data: All transitions that are remembered.
+            generator: Source of all chance.
+            n_seen: How many there were ever; None if none are forgotten.
+        """
+        n_new = (len(data.episodes) if n_seen is None else n_seen) - plan.planned_at
         plan = self._without_invalid(plan, data, generator)
         known = data.since(plan.valid_from).recent(self.max_transitions)
         levels, most = (self.pessimism, self.optimism), (self.n_episodes, self.n_explorer_episodes)
         pessimistic, optimistic = self._rollouts(known, levels, most, generator)
         scale = known.typical_return
-        if plan.challenger is not None and self._deserves(plan, plan.challenger, data, pessimistic):
-            own = plan.challenger_episodes[-self.memory :]
-            plan = replace(
-                plan,
-                incumbent=plan.challenger,
-                challenger=None,
-                incumbent_episodes=own,
-                challenger_episodes=(),
-            )
+        if plan.challenger is not None:
+            won = self._won(plan, plan.challenger, data, n_new, pessimistic)
+            plan = plan.with_adopted(won) if won else plan
         base = plan.corrected or plan.explorer or plan.incumbent
-        explorer = self.improvement.improve(optimistic, base, scale, begin=_knows_nothing(plan))
+        explorer = self.improvement.improve(optimistic, base, scale, begin=plan.knows_nothing)
         guide = explorer if self._explorers_lead(plan, data) else None
-        challenger = self._challenger(replace(plan, explorer=guide), pessimistic, scale)
+        challenger = self._challenger(replace(plan, explorer=guide), known, pessimistic)
         taken = pessimistic.n_steps_taken + optimistic.n_steps_taken
         return replace(
             plan, challenger=challenger, explorer=explorer, corrected=None, model_steps=taken
@@ -224,20 +249,38 @@ class Planner:
         fewest = min(FEWEST_ROLLOUTS, self.n_episodes)
         return int(np.clip(self.n_steps / data.mean_length, fewest, self.n_episodes))
 
-    def _deserves(
-        self, plan: Planned, challenger: ActionTree, data: Transitions, pessimistic: PairedRollouts
-    ) -> bool:
-        """Return whether real returns prefer the challenger, and the model does too."""
+    def _won(
+        self,
+        plan: Planned,
+        challenger: ActionTree,
+        data: Transitions,
+        n_new: int,
+        pessimistic: PairedRollouts,
+    ) -> tuple[int, ...]:
+        """Return the episodes that make the challenger the incumbent; none if it stays one.
+
+        All challengers since the last adoption are a series: where that is ahead, the model has to
+        prefer the present one too. Over a single action that nobody has shown, it also wins by what
+        it has earned itself, in the last ``n_new`` transitions, if that is clearly more.
+        """
         tried = plan.challenger_episodes[-self.memory :]
-        table = self._against_incumbent(plan, tried, data.episode_returns)
+        begun = int(np.searchsorted(np.flatnonzero(data.first), len(data.episodes) - n_new))
+        own = tuple(episode for episode in tried if episode >= begun)
+        if plan.knows_nothing and self._ahead(plan, own, data, AheadApart(enough=len(own) + 1)):
+            return own
         steps = data.episode_lengths[list(tried)].sum()
         enough = min(self.min_episodes, len(tried)) if steps >= self.trial_steps else None
-        rule = AheadApart(enough=enough or self.min_episodes)
-        if not isinstance(rule.next(table), Verdict):
-            return False
+        if not self._ahead(plan, tried, data, AheadApart(enough=enough or self.min_episodes)):
+            return ()
         pessimistic.run(plan.incumbent)
         gain = pessimistic.gain(challenger)
-        return gain.mean > gain.error
+        return tried if gain.mean > gain.error else ()
+
+    def _ahead(
+        self, plan: Planned, tried: tuple[int, ...], data: Transitions, rule: AheadApart
+    ) -> bool:
+        table = self._against_incumbent(plan, tried, data.episode_returns)
+        return isinstance(rule.next(table), Verdict)
 
     def _explorers_lead(self, plan: Planned, data: Transitions) -> bool:
         """Return whether the last explorers earned more than the incumbent, random actions and all.
@@ -248,9 +291,7 @@ class Planner:
         """
         if not plan.demonstrations:
             return True
-        rule = AheadApart(clearly=0.0)
-        table = self._against_incumbent(plan, plan.explorer_episodes, data.episode_returns)
-        return isinstance(rule.next(table), Verdict)
+        return self._ahead(plan, plan.explorer_episodes, data, AheadApart(clearly=0.0))
 
     def _against_incumbent(self, plan: Planned, tried: tuple[int, ...], returns: Floats) -> Table:
         """Return the returns of the incumbent's episodes and of others, a row each."""
@@ -263,20 +304,24 @@ class Planner:
         return table
 
     def _challenger(
-        self, plan: Planned, pessimistic: PairedRollouts, scale: float
+        self, plan: Planned, known: Transitions, pessimistic: PairedRollouts
     ) -> ActionTree | None:
         """Return the best of incumbent, last challenger, corrected incumbent and explorer.
 
         Each is improved before. The explorer, if it leads, was planned with hope, and so it is past
         the valleys that single changes cannot cross; the pessimist takes back all that was only
-        hoped for.
-        None if none of them is better than the incumbent.
+        hoped for. None if none of them is better than the incumbent.
+
+        A single action that nobody has shown may be where all single changes cost something. Then
+        trees of the episodes that happened to earn most are improved too; and if the model prefers
+        none of them, the tree of such an episode is on trial as it is.
         """
-        begin = _knows_nothing(plan)
+        begin, scale = plan.knows_nothing, known.typical_return
         best = self.improvement.improve(pessimistic, plan.incumbent, scale, begin=begin)
-        for base in (plan.challenger, plan.corrected, plan.explorer):
-            if base is None:
-                continue
+        bases = [plan.challenger, plan.corrected, plan.explorer]
+        if begin and n_leaves(best) == 1:
+            bases += restarts(known, max_leaves=_FIRST_LEAVES)
+        for base in filter(None, bases):
             challenger = self.improvement.improve(pessimistic, base, scale, begin=begin)
             pessimistic.redraw()
             pessimistic.run(best)
@@ -285,9 +330,8 @@ class Planner:
         pessimistic.redraw()
         pessimistic.run(plan.incumbent)
         gain = pessimistic.gain(best)
-        return best if gain.mean > gain.error else None
-
-
-def _knows_nothing(plan: Planned) -> bool:
-    """Return whether the policy is a single action still, and nobody has shown another."""
-    return n_leaves(plan.incumbent) == 1 and not plan.demonstrations
+        if gain.mean > gain.error:
+            return best
+        lucky = luckiest(known, pessimistic.generator, max_leaves=_FIRST_LEAVES) if begin else None
+        is_new = lucky is not None and not np.array_equal(lucky.action, plan.incumbent.action)
+        return lucky if is_new else None

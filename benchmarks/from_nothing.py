@@ -1,0 +1,108 @@
+"""Measure what is learned where nobody shows anything: `eutree learn TASK --steps N`, no more.
+
+Run: python benchmarks/from_nothing.py [TASK ...] [--seeds 10] [--first 20000] [--out FILE]
+     python benchmarks/from_nothing.py --page
+
+A run has no demonstrations and the defaults of `learn`, but that it is neither judged nor made
+smaller at its end (``judge_episodes=0, front_steps=0``), so its steps are all that it takes; 200
+fresh episodes say what its tree earns. A row is written as soon as it is known, and what the file
+has already is not run again at the same commit. ``--page`` makes docs/results/from-nothing.md of
+all rows, a column for each commit in the order of its rows. Seeds from 1000 to 1999 are for tuning.
+"""
+
+import argparse
+import multiprocessing
+import resource
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import eutree
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the examples, and what is beside
+
+import examples.inventory
+from benchmarks.table import COLUMNS, FINAL_EPISODES, ROOT, commit, keep, rows_of
+from benchmarks.table_page import summary
+
+assert examples.inventory  # it registers a task
+ROWS = ROOT / "docs" / "results" / "from-nothing.csv"
+TASKS = {
+    "CartPole-v1": 10_000,
+    "MountainCar-v0": 40_000,
+    "Acrobot-v1": 40_000,
+    "Inventory-v0": 10_000,
+    "eutree/Evasion2-v0": 10_000,
+    "eutree/Evasion3-v0": 20_000,
+}
+HEAD = """\
+# What is learned from nothing
+
+Nobody shows anything: `eutree learn TASK --steps N`, without the judgement and the search for
+smaller trees that follow. Made by `python benchmarks/from_nothing.py` at each commit, and `--page`.
+Mean return of ten runs with 95 % interval, worst run, leaves, and share of episodes that succeed
+where the task has a success; 200 fresh episodes a run, seeds from 20,000 on, tuned on others. Every
+run is a row of `from-nothing.csv`. [Why](../decisions/from-nothing.md).
+"""
+
+
+def measured(task: str, seed: int) -> dict[str, Any]:
+    """Return the row of a run."""
+    begin = time.process_time()
+    found = eutree.learn(
+        task, steps=TASKS[task], seed=seed, judge_episodes=0, front_steps=0, evaluate_every=10**6
+    )
+    spent = time.process_time() - begin
+    end = eutree.evaluate(found.policy, task, episodes=FINAL_EPISODES, seed=1_000_000 + seed)
+    values = (
+        "nothing", task, TASKS[task], 0, seed, round(float(end.returns.mean()), 2),
+        round(float(end.returns.std(ddof=1) / np.sqrt(FINAL_EPISODES)), 2),
+        "" if end.success_rate is None else round(float(end.success_rate), 4),
+        round(float(end.returns.min()), 2), found.policy.tree.n_leaves,
+        found.environment_steps.total, round(spent, 1),
+        resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024, commit(),
+    )  # fmt: skip
+    return dict(zip(COLUMNS, values, strict=True))
+
+
+def page() -> str:
+    """Return the page of all rows that are stored."""
+    rows = rows_of(ROWS)
+    commits = list(dict.fromkeys(row["commit"] for row in rows))
+    lines = [HEAD, f"| task, steps | {' | '.join(commits)} |", "|---" * (len(commits) + 1) + "|"]
+    for task, steps in TASKS.items():
+        here = [[r for r in rows if (r["task"], r["commit"]) == (task, one)] for one in commits]
+        cells = [summary(cell) if cell else "" for cell in here]
+        lines.append(f"| {task}, {steps:,} | {' | '.join(cells)} |")
+    spent = [
+        np.mean([float(row["cpu_s"]) for row in rows if row["commit"] == one]) for one in commits
+    ]
+    costs = " and ".join(f"{seconds:.0f}" for seconds in spent)
+    return "\n".join([*lines, "", f"A run took {costs} CPU seconds on average."]) + "\n"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("tasks", nargs="*", default=list(TASKS))
+    parser.add_argument("--seeds", type=int, default=10)
+    parser.add_argument("--first", type=int, default=20_000)
+    parser.add_argument("--out", type=Path, default=ROWS)
+    parser.add_argument("--page", action="store_true")
+    arguments = parser.parse_args()
+    if arguments.page:
+        ROWS.with_suffix(".md").write_text(page())
+        return
+    known = {(row["task"], int(row["seed"]), row["commit"]) for row in rows_of(arguments.out)}
+    context = multiprocessing.get_context("spawn")
+    for seed in range(arguments.first, arguments.first + arguments.seeds):
+        for task in arguments.tasks:
+            if (task, seed, commit()) not in known:
+                with context.Pool(1) as pool:
+                    keep(pool.apply(measured, (task, seed)), arguments.out)
+
+
+if __name__ == "__main__":
+    main()
