@@ -57,8 +57,9 @@ from eutree.world_model import ActionTree, PairedRollouts, Transitions
 from eutree.world_model.action_trees import from_decision_tree, to_decision_tree
 from eutree.world_model.transitions import seen_as
 
-_AT_RANDOM = 0.5  # share of a blind explorer's episodes in which each action is drawn
-_CHANGES, _RANDOM_LEAVES = 8, 10  # of a single action into its random tree, at most, and its size
+_AT_RANDOM = 0.25  # share of a blind explorer's episodes in which each action is drawn
+_SINGLE = 0.125  # share of its random trees that are a single action
+_CHANGES, _RANDOM_LEAVES = 8, 10  # of a single action into another random tree, and its most leaves
 _VISITED = 5000  # latest observations that its thresholds are drawn from
 _UNPRUNED = C45Settings(use_penalty=False, prune=False)
 
@@ -211,10 +212,10 @@ class ModelPlanning:
             DecisionTree.single_leaf(self.tree.n_features),
             generator.integers(self.n_actions, size=1),
         )
-        if self.history.size:
+        if self.history.size and generator.random() >= _SINGLE:
             variation = Variation(self.n_actions, _RANDOM_LEAVES, generator)
             visited = self.history.observations[-_VISITED:]
-            for _ in range(int(generator.integers(_CHANGES + 1))):
+            for _ in range(_CHANGES):
                 tree = variation.of(tree, visited) or tree
         return tree
 
