@@ -37,6 +37,7 @@ TASKS = {
     "Inventory-v0": 10_000,
     "eutree/Evasion2-v0": 10_000,
     "eutree/Evasion3-v0": 20_000,
+    "LunarLander-v3": 100_000,
 }
 HEAD = """\
 # What is learned from nothing

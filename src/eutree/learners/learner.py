@@ -265,6 +265,7 @@ class Needs:
         max_features: Most features it can cope with; None for any number.
         starts: The starts that mean something to it.
         asks_teacher: It can ask a teacher; others refuse one.
+        chance_will_do: Where there are no demonstrations, episodes of random actions will do.
     """
 
     goal: bool = False
@@ -272,6 +273,7 @@ class Needs:
     max_features: int | None = None
     starts: tuple[StartName, ...] = ("nothing", "tree", "tree+demos", "demos", "random-tree")
     asks_teacher: bool = False
+    chance_will_do: bool = False
 
     def refusal(self, problem: Problem, start: Start, *, offline: bool = False) -> str:
         """Return why the method does not fit, or ""."""

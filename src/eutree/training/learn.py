@@ -29,7 +29,13 @@ from eutree.training.evaluations import Arena, ProvenFirst
 from eutree.training.handover import Handover
 from eutree.training.listeners import Listener, following
 from eutree.training.phases import Plan, Position, generator_of
-from eutree.training.planned import check_monotone, check_races, planned
+from eutree.training.planned import (
+    ChosenMethod,
+    check_monotone,
+    check_races,
+    planned,
+    shown_by_chance,
+)
 from eutree.training.result import LearningResult, result_of
 from eutree.training.run import Beginning, Run
 from eutree.training.run_folder import ConfigDocument, RunFolder, SavingClock
@@ -177,7 +183,10 @@ def _prepared(
 
             env = BeginningThere(env, asked.starts, share=SHARE)
             digests = " ".join(map(digest_of, asked.starts))
-    choice, plan = planned(asked, method, start, demonstrations, env, seed=seed)
+    meant: str | Method | ChosenMethod | None = method
+    if env is not None and demonstrations is None and expert is None:
+        asked, demonstrations, meant = shown_by_chance(asked, method, start, env, seed=seed)
+    choice, plan = planned(asked, meant, start, demonstrations, env, seed=seed)
     if demonstrations is not None and asked.history:
         demonstrations = demonstrations.with_history(asked.history)
     arena, log, shown = None, None, demonstrations

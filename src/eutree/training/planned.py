@@ -14,18 +14,23 @@ from functools import cache
 from typing import Any, cast
 
 import gymnasium
+import numpy as np
 
+from eutree.arrays import Booleans
 from eutree.data import Demonstrations
 from eutree.display import counted
 from eutree.errors import InvalidArgumentError
 from eutree.evaluation.evaluate import vector_form
-from eutree.interaction.spaces import spec_of
+from eutree.interaction.episode import Stream
+from eutree.interaction.spaces import describe, spec_of
 from eutree.learners import DEFAULT, Method, Start
 from eutree.learners import method as method_of
+from eutree.learners.episode_buffer import random_action
 from eutree.learners.registry import checked_method
+from eutree.recording import record
 from eutree.training.evaluations import ProvenFirst
 from eutree.training.handover import handover_for
-from eutree.training.phases import MANY, Plan, curve_of, is_dear
+from eutree.training.phases import MANY, Plan, curve_of, generator_of, is_dear
 from eutree.training.proposals import SearchSettings
 from eutree.training.values import Asked, Budget
 from eutree.validation import check_integer, check_listed
@@ -61,7 +66,11 @@ class ChosenMethod:
 
 
 def default_for(
-    shown: Demonstrations | None, steps: int | None, *, teacher: bool = False
+    shown: Demonstrations | None,
+    steps: int | None,
+    *,
+    teacher: bool = False,
+    features: int | None = None,
 ) -> ChosenMethod:
     """Return the method that learns where none is named, and why.
 
@@ -69,23 +78,25 @@ def default_for(
         shown: Demonstrations that the run starts from, if any.
         steps: Its budget of environment steps; None where it is counted otherwise.
         teacher: Whether there is a teacher to ask.
+        features: How many the environment has, if a run may show itself what nobody has shown.
     """
     if teacher:
         return ChosenMethod(method_of(TEACHING), "distilled-dqn learns: it asks the teacher")
-    if shown is None or len(shown) < ENOUGH_SHOWN:
+    known = features if shown is None else shown.schema.n_features
+    if known is None or (shown is not None and len(shown) < ENOUGH_SHOWN):
         return _planning(f"a network as teacher would need {ENOUGH_SHOWN} demonstrations")
-    features = counted(shown.schema.n_features, "feature")
-    enough = next((n for k, n in ENOUGH_STEPS.items() if shown.schema.n_features >= k), None)
+    enough = next((n for k, n in ENOUGH_STEPS.items() if known >= k), None)
+    many = counted(known, "feature")
     if steps is None:
-        few = f"{features} are few enough for it"
+        few = f"{many} are few enough for it"
         return _planning(few if enough is None else "a network as teacher needs a budget of steps")
     if enough is None:
-        return _planning(f"{features} are few enough for it", open_=True)
+        return _planning(f"{many} are few enough for it", open_=True)
     if steps < enough:
         return _planning(
-            f"of {features} a network as teacher would need {enough} steps, not {steps}", open_=True
+            f"of {many} a network as teacher would need {enough} steps, not {steps}", open_=True
         )
-    reason = f"{features} are many for planning, and {steps} steps are enough for a teacher"
+    reason = f"{many} are many for planning, and {steps} steps are enough for a teacher"
     return ChosenMethod(
         method_of(TEACHING), f"distilled-dqn learns: {reason} of its own", DEFAULT.name
     )
@@ -104,9 +115,60 @@ def _planning(reason: str, *, open_: bool = False) -> ChosenMethod:
 EPISODES = 400  # where no budget is named
 
 
-def planned(
+class RandomActions:
+    """A policy that draws each action from those that are allowed."""
+
+    def __init__(self, n_actions: int, generator: np.random.Generator) -> None:
+        self._n_actions, self._generator = n_actions, generator
+
+    def predict(
+        self,
+        observation: Any,
+        state: Any = None,
+        episode_start: Any = None,
+        deterministic: bool = True,
+        action_masks: Booleans | None = None,
+    ) -> tuple[int, Any]:
+        """Return an action, whatever is observed, and no state."""
+        return random_action(self._generator, self._n_actions, action_masks), None
+
+
+def shown_by_chance(
     asked: Asked,
     method: str | Method | None,
+    start: str | None,
+    env: gymnasium.Env[Any, Any],
+    *,
+    seed: int,
+) -> tuple[Asked, Demonstrations | None, ChosenMethod]:
+    """Return a few episodes of random actions, if the method needs demonstrations to begin from.
+
+    They fix a network's scales as well as a person's do. Their steps are part of the budget, so the
+    request comes back with those that are left; with them the method that was chosen.
+    """
+    schema = describe(env)
+    choice = _choice_of(method, start, asked, None, features=schema.n_features)
+    if start is not None or not choice.method.needs.chance_will_do:
+        return asked, None, choice
+    chance = RandomActions(schema.n_actions, generator_of(seed, Stream.START, 0))
+    shown = record(env, chance, episodes=ENOUGH_SHOWN, seed=seed, strict=asked.strict)
+    begins = f"it begins from {ENOUGH_SHOWN} episodes of random actions, for nothing is shown"
+    choice = replace(choice, reason="; ".join(filter(None, (choice.reason, begins))))
+    steps = asked.budget.steps
+    if steps is None:
+        return asked, shown, choice
+    if steps <= shown.n_transitions:
+        raise InvalidArgumentError(
+            f"steps must have room for {ENOUGH_SHOWN} episodes of random actions, which took "
+            f"{shown.n_transitions:,}, got {steps:,}"
+        )
+    budget = replace(asked.budget, steps=steps - shown.n_transitions)
+    return replace(asked, budget=budget), shown, choice
+
+
+def planned(
+    asked: Asked,
+    method: str | Method | ChosenMethod | None,
     start: str | None,
     demonstrations: Demonstrations | None,
     env: gymnasium.Env[Any, Any] | None,
@@ -123,7 +185,10 @@ def planned(
     if env is None:
         _check_acts_nowhere(asked)
     races, keeps = budget.race_steps, handover.keep_success
-    choice = _choice_of(method, start, asked, demonstrations, offline=env is None)
+    if isinstance(method, ChosenMethod):
+        choice = method
+    else:
+        choice = _choice_of(method, start, asked, demonstrations, offline=env is None)
     chosen = _bounded(choice.method, asked)
     race = SearchSettings(steps=races, max_leaves=handover.max_leaves, keep_success=keeps)
     expected = _expected(budget, demonstrations, env)
@@ -214,7 +279,8 @@ def _choice_of(
     asked: Asked,
     shown: Demonstrations | None,
     *,
-    offline: bool,
+    offline: bool = False,
+    features: int | None = None,
 ) -> ChosenMethod:
     """Return the method that is meant, and why where nobody said so; that is said aloud, too."""
     if method not in (None, "auto"):
@@ -228,7 +294,8 @@ def _choice_of(
     )
     if offline or any(only_planning) or start not in (None, "demos", "tree+demos"):
         return ChosenMethod(method_of("corrected" if offline else "default"), "")
-    choice = default_for(shown, asked.budget.steps, teacher=asked.teacher is not None)
+    teacher = asked.teacher is not None
+    choice = default_for(shown, asked.budget.steps, teacher=teacher, features=features)
     if choice.alternative:
         say(choice.said())
     return choice

@@ -74,7 +74,7 @@ class DistilledDQN:
 
     name: ClassVar[str] = "distilled-dqn"
     needs: ClassVar[Needs] = Needs(
-        gathering=True, starts=("demos", "tree+demos"), asks_teacher=True
+        gathering=True, starts=("demos", "tree+demos"), asks_teacher=True, chance_will_do=True
     )
     gathering_episodes: ClassVar[int] = 1
 

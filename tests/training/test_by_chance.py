@@ -1,0 +1,84 @@
+"""A method that needs demonstrations, where there are none, begins from random episodes."""
+
+import numpy as np
+import pytest
+
+import eutree
+from eutree.cli.main import run
+from eutree.errors import InvalidArgumentError
+from eutree.learners.distilled_dqn import DistilledDQN
+from eutree.neural import DoubleDQNSettings
+from eutree.training.planned import RandomActions, default_for
+from eutree.world_model.ensemble import EnsembleSettings
+
+SMALL = DistilledDQN(
+    max_leaves=4,
+    demonstration_updates=5,
+    teacher=DoubleDQNSettings(hidden=8, batch=8),
+    world_model=EnsembleSettings(members=2, hidden=8, batch=8, updates=10, more_updates=5),
+)
+QUICK = {"evaluate_every": 10**6, "evaluation_episodes": 1, "judge_episodes": 0, "front_steps": 0}
+
+
+@pytest.mark.parametrize(
+    ("features", "steps", "name"),
+    [(8, 100_000, "distilled-dqn"), (8, 80_000, "planning"), (4, 500_000, "planning")],
+)
+def test_what_learns_from_nothing_depends_on_features_and_steps(features, steps, name):
+    assert default_for(None, steps, features=features).method.name == name
+
+
+def test_who_is_shown_too_little_is_not_helped_by_chance():
+    shown = eutree.record("Acrobot-v1", lambda o: 0, episodes=1, seed=0)
+    assert default_for(shown, 100_000, features=6).method.name == "planning"
+
+
+def test_a_run_shows_itself_what_nobody_has_shown():
+    result = eutree.learn("CartPole-v1", method=SMALL, steps=700, seed=3, **QUICK)
+    assert "5 episodes of random actions" in result.reason
+    spent = result.environment_steps
+    assert 40 <= spent.demonstrations <= 5 * 100
+    assert spent.demonstrations + result.steps <= 700
+
+
+def test_it_goes_on_to_the_same_bytes(tmp_path):
+    whole = eutree.learn("CartPole-v1", method=SMALL, steps=1500, seed=3, **QUICK)
+    calls = []
+
+    def stop():
+        calls.append(1)
+        return len(calls) > 8
+
+    options = {"method": SMALL, "steps": 1500, "seed": 3, **QUICK}
+    eutree.learn("CartPole-v1", out=tmp_path / "run", stop=stop, **options)
+    again = eutree.learn("CartPole-v1", out=tmp_path / "run", resume=True, **options)
+    assert again.policy.to_bytes() == whole.policy.to_bytes()
+
+
+def test_its_episodes_need_room_in_the_budget():
+    with pytest.raises(InvalidArgumentError, match="room for 5 episodes of random actions, which"):
+        eutree.learn("CartPole-v1", method=SMALL, steps=20, **QUICK)
+
+
+def test_a_start_that_is_named_is_none_of_chance():
+    with pytest.raises(
+        InvalidArgumentError, match=r"starts from demos or tree\+demos, got nothing"
+    ):
+        eutree.learn("CartPole-v1", method=SMALL, start="nothing", steps=700, **QUICK)
+
+
+def test_random_actions_are_allowed_ones():
+    policy = RandomActions(4, np.random.default_rng(0))
+    masks = np.array([False, True, False, True])
+    drawn = {policy.predict(np.zeros(2), action_masks=masks)[0] for _ in range(40)}
+    assert drawn == {1, 3}
+    assert {policy.predict(np.zeros(2))[0] for _ in range(80)} == {0, 1, 2, 3}
+
+
+def test_a_command_learns_where_nothing_is_shown(tmp_path, capsys):
+    line = ["learn", "CartPole-v1", "--method", "distilled-dqn", "--steps", "600",
+            "--judge-episodes", "0", "--front-steps", "0",
+            "--out", str(tmp_path / "run")]  # fmt: skip
+    assert run(line) == 0
+    said = "".join(capsys.readouterr())
+    assert "it begins from 5 episodes of random actions" in said
