@@ -7,7 +7,7 @@ A run has no demonstrations and the defaults of `learn`, but that it is neither 
 smaller at its end (``judge_episodes=0, front_steps=0``), so its steps are all that it takes; 200
 fresh episodes say what its tree earns. A row is written as soon as it is known, and what the file
 has already is not run again at the same commit. ``--page`` makes docs/results/from-nothing.md of
-all rows, a column for each commit in the order of its rows. Seeds from 1000 to 1999 are for tuning.
+all rows: before, and now. Seeds from 1000 to 1999 are for tuning.
 """
 
 import argparse
@@ -39,6 +39,7 @@ TASKS = {
     "eutree/Evasion3-v0": 20_000,
     "LunarLander-v3": 100_000,
 }
+BEFORE = "f712b558"  # the last commit at which a single action that is no good stayed
 HEAD = """\
 # What is learned from nothing
 
@@ -46,7 +47,7 @@ Nobody shows anything: `eutree learn TASK --steps N`, without the judgement and 
 smaller trees that follow. Made by `python benchmarks/from_nothing.py` at each commit, and `--page`.
 Mean return of ten runs with 95 % interval, worst run, leaves, and share of episodes that succeed
 where the task has a success; 200 fresh episodes a run, seeds from 20,000 on, tuned on others. Every
-run is a row of `from-nothing.csv`. [Why](../decisions/from-nothing.md).
+run is a row of `from-nothing.csv`. [What changed](../decisions/from-nothing.md).
 """
 
 
@@ -70,19 +71,24 @@ def measured(task: str, seed: int) -> dict[str, Any]:
 
 
 def page() -> str:
-    """Return the page of all rows that are stored."""
+    """Return the page of all rows that are stored: those of before, and those since."""
     rows = rows_of(ROWS)
-    commits = list(dict.fromkeys(row["commit"] for row in rows))
-    lines = [HEAD, f"| task, steps | {' | '.join(commits)} |", "|---" * (len(commits) + 1) + "|"]
+    sides = [
+        [row for row in rows if (row["commit"] == BEFORE) == is_before]
+        for is_before in (True, False)
+    ]
+    lines = [HEAD, "| task, steps | before | now |", "|---|---|---|"]
     for task, steps in TASKS.items():
-        here = [[r for r in rows if (r["task"], r["commit"]) == (task, one)] for one in commits]
+        here = [[row for row in side if row["task"] == task] for side in sides]
         cells = [summary(cell) if cell else "" for cell in here]
         lines.append(f"| {task}, {steps:,} | {' | '.join(cells)} |")
-    spent = [
-        np.mean([float(row["cpu_s"]) for row in rows if row["commit"] == one]) for one in commits
+    spent = [np.mean([float(row["cpu_s"]) for row in side]) for side in sides]
+    commits = [", ".join(sorted({row["commit"] for row in side})) for side in sides]
+    said = [
+        f"{name}: {of}, {seconds:.0f} CPU seconds a run on average."
+        for name, of, seconds in zip(("Before", "Now"), commits, spent, strict=True)
     ]
-    costs = " and ".join(f"{seconds:.0f}" for seconds in spent)
-    return "\n".join([*lines, "", f"A run took {costs} CPU seconds on average."]) + "\n"
+    return "\n".join([*lines, "", *said]) + "\n"
 
 
 def main() -> None:

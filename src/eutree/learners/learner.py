@@ -244,15 +244,10 @@ def reached(episodes: Sequence[Episode]) -> Booleans:
     ongoing = [x[:-1] if e.terminated else x for x, e in zip(to_go, episodes, strict=True)]
     flat = np.concatenate([*ongoing, np.empty(0)])
     level = float(flat.mean()) if flat.size else 0.0
-    return np.array(
-        [
-            bool(e.is_success)
-            if e.is_success is not None
-            else bool(e.terminated and len(e) and e.rewards[-1] >= level)
-            for e in episodes
-        ],
-        dtype=np.bool_,
-    )
+    good = [bool(e.terminated and len(e) and e.rewards[-1] >= level) for e in episodes]
+    said = [e.is_success for e in episodes]
+    known = [end if own is None else bool(own) for own, end in zip(said, good, strict=True)]
+    return np.array(known, dtype=np.bool_)
 
 
 @dataclass(frozen=True, kw_only=True)

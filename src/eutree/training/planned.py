@@ -21,13 +21,13 @@ from eutree.data import Demonstrations
 from eutree.display import counted
 from eutree.errors import InvalidArgumentError
 from eutree.evaluation.evaluate import vector_form
+from eutree.interaction import describe
 from eutree.interaction.episode import Stream
-from eutree.interaction.spaces import describe, spec_of
+from eutree.interaction.spaces import spec_of
 from eutree.learners import DEFAULT, Method, Start
 from eutree.learners import method as method_of
 from eutree.learners.episode_buffer import random_action
 from eutree.learners.registry import checked_method
-from eutree.recording import record
 from eutree.training.evaluations import ProvenFirst
 from eutree.training.handover import handover_for
 from eutree.training.phases import MANY, Plan, curve_of, generator_of, is_dear
@@ -150,6 +150,8 @@ def shown_by_chance(
     choice = _choice_of(method, start, asked, None, features=schema.n_features)
     if start is not None or not choice.method.needs.chance_will_do:
         return asked, None, choice
+    from eutree.recording import record
+
     chance = RandomActions(schema.n_actions, generator_of(seed, Stream.START, 0))
     shown = record(env, chance, episodes=ENOUGH_SHOWN, seed=seed, strict=asked.strict)
     begins = f"it begins from {ENOUGH_SHOWN} episodes of random actions, for nothing is shown"
