@@ -77,7 +77,7 @@ def learn(
         expert: The expert tree; fitted to the demonstrations if a start needs it.
         method: How to learn: a name of ``eutree.learners.METHODS`` or of a preset, such as
             ``"paper"`` to be faithful, or a method itself. By default, and for
-            ``"auto"``, ``distilled-dqn`` where demonstrations have many features and the steps are
+            ``"auto"``, ``distilled-dqn`` where observations have many features and the steps are
             enough for them (docs/methods.md), else model-based planning or, offline,
             ``"corrected"``; which it is, and which the other would be, is said aloud.
         start: Where learning begins: ``"nothing"``, ``"tree"``, ``"tree+demos"``, ``"demos"`` or
