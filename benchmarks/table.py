@@ -1,8 +1,9 @@
 """Measure the table: what a small tree earns at a size after a number of counted steps.
 
 Run: python benchmarks/table.py TASK [TASK ...]
-     [--who eutree nothing derived sums dagger viper network] [--steps 10000 50000 100000] [--leaves 4 8 16 32] [--seeds 10] [--first 20000]
-     [--trees FOLDER] [--out docs/results/table]
+     [--who eutree nothing derived sums dagger viper network] [--steps 10000 50000 100000]
+     [--leaves 4 8 16 32] [--seeds 10] [--first 20000] [--trees FOLDER]
+     [--out docs/results/table]
 
 A cell is a run of its own, in a process of its own: 15 demonstrations of the task's script, then
 the settings of ``src/eutree/zoo/settings/TASK.toml`` for the steps that are left (demonstrations

@@ -102,11 +102,13 @@ def learn(
     values = {"budget": budget, "evaluation": evaluation, "handover": handover, "folder": folder}
     asked = Asked.of(values, listeners, short).going_on()
     with nullcontext() if env is None else opened(env) as made:
-        run, config, log = _prepared(made, asked, demonstrations, expert, method, start, seed=seed)
+        run, config, log, by_chance = _prepared(
+            made, asked, demonstrations, expert, method, start, seed=seed
+        )
         for one in asked.listeners:
             one.attached(run, None if run.arena is None else run.arena.env.env)
         with own_code(run.beginning.method):
-            policy, against_fit = _carried_out(run, log, config, asked)
+            policy, against_fit = _carried_out(run, log, config, asked, by_chance)
         return replace(
             result_of(run, policy, asked.teacher),
             against_fit=against_fit,
@@ -165,8 +167,11 @@ def _prepared(
     start: str | None,
     *,
     seed: int,
-) -> "tuple[Run, ConfigDocument, Log | None]":
-    """Return a run before its first episode, its configuration, and the log it learns from."""
+) -> "tuple[Run, ConfigDocument, Log | None, Demonstrations | None]":
+    """Return a run before its first episode, its configuration, and the log it learns from.
+
+    And the random episodes that it shows itself, if nobody has shown anything and it needs that.
+    """
     digests = ""
     if demonstrations is not None:
         check_kind("demonstrations", demonstrations, Demonstrations)
@@ -184,8 +189,10 @@ def _prepared(
             env = BeginningThere(env, asked.starts, share=SHARE)
             digests = " ".join(map(digest_of, asked.starts))
     meant: str | Method | ChosenMethod | None = method
+    by_chance = None
     if env is not None and demonstrations is None and expert is None:
-        asked, demonstrations, meant = shown_by_chance(asked, method, start, env, seed=seed)
+        meant, by_chance = shown_by_chance(asked, method, start, env, seed=seed)
+        demonstrations = by_chance
     choice, plan = planned(asked, meant, start, demonstrations, env, seed=seed)
     if demonstrations is not None and asked.history:
         demonstrations = demonstrations.with_history(asked.history)
@@ -212,7 +219,7 @@ def _prepared(
     beginning = Beginning(choice.method, problem, begin, choice.said())
     run = Run(beginning, plan, arena, listeners=asked.listeners)
     config = _config(run, name, document, asked, demonstrations, expert, starts=digests)
-    return run, config, log
+    return run, config, log, by_chance
 
 
 def _config(
@@ -320,7 +327,11 @@ def _start(
 
 
 def _carried_out(
-    run: Run, log: "Log | None", config: ConfigDocument, asked: Asked
+    run: Run,
+    log: "Log | None",
+    config: ConfigDocument,
+    asked: Asked,
+    by_chance: Demonstrations | None,
 ) -> "tuple[TreePolicy, OffPolicyComparison | None]":
     """Let a run go to its end, in its folder if it has one, and return its policy."""
     where = asked.folder
@@ -332,6 +343,8 @@ def _carried_out(
     with RunFolder(where.path, config, kind, resume=where.resume) as folder:
         folder.load_checkpoint(run)
         folder.save_start(run.beginning.start.expert)
+        if by_chance is not None:
+            folder.save_shown(by_chance)
         with following(run, asked.listeners):
             _go_on(run, folder, SavingClock(where.checkpoint_seconds), asked.listeners)
         policy, against_fit = _result(run, log)

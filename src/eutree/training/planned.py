@@ -11,6 +11,7 @@ other is.
 import logging
 from dataclasses import dataclass, replace
 from functools import cache
+from pathlib import Path
 from typing import Any, cast
 
 import gymnasium
@@ -32,6 +33,7 @@ from eutree.training.evaluations import ProvenFirst
 from eutree.training.handover import handover_for
 from eutree.training.phases import MANY, Plan, curve_of, generator_of, is_dear
 from eutree.training.proposals import SearchSettings
+from eutree.training.run_folder import SHOWN
 from eutree.training.values import Asked, Budget
 from eutree.validation import check_integer, check_listed
 
@@ -140,32 +142,24 @@ def shown_by_chance(
     env: gymnasium.Env[Any, Any],
     *,
     seed: int,
-) -> tuple[Asked, Demonstrations | None, ChosenMethod]:
-    """Return a few episodes of random actions, if the method needs demonstrations to begin from.
+) -> tuple[ChosenMethod, Demonstrations | None]:
+    """Return the method and, if it needs demonstrations, a few episodes of random actions.
 
-    They fix a network's scales as well as a person's do. Their steps are part of the budget, so the
-    request comes back with those that are left; with them the method that was chosen.
+    They fix a network's scales as well as a person's do. A run that goes on has them in its folder.
     """
     schema = describe(env)
     choice = _choice_of(method, start, asked, None, features=schema.n_features)
     if start is not None or not choice.method.needs.chance_will_do:
-        return asked, None, choice
+        return choice, None
     from eutree.recording import record
 
-    chance = RandomActions(schema.n_actions, generator_of(seed, Stream.START, 0))
-    shown = record(env, chance, episodes=ENOUGH_SHOWN, seed=seed, strict=asked.strict)
     begins = f"it begins from {ENOUGH_SHOWN} episodes of random actions, for nothing is shown"
     choice = replace(choice, reason="; ".join(filter(None, (choice.reason, begins))))
-    steps = asked.budget.steps
-    if steps is None:
-        return asked, shown, choice
-    if steps <= shown.n_transitions:
-        raise InvalidArgumentError(
-            f"steps must have room for {ENOUGH_SHOWN} episodes of random actions, which took "
-            f"{shown.n_transitions:,}, got {steps:,}"
-        )
-    budget = replace(asked.budget, steps=steps - shown.n_transitions)
-    return replace(asked, budget=budget), shown, choice
+    folder = asked.folder
+    if folder is not None and folder.resume and (kept := Path(folder.path) / SHOWN).exists():
+        return choice, Demonstrations.load(kept)
+    chance = RandomActions(schema.n_actions, generator_of(seed, Stream.START, 0))
+    return choice, record(env, chance, episodes=ENOUGH_SHOWN, seed=seed, strict=asked.strict)
 
 
 def planned(

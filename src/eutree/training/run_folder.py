@@ -7,6 +7,7 @@
     progress.csv       the same and the gathering phases, under the names of Stable-Baselines3
     events.jsonl       one line for each thing that happened
     expert.json        the expert tree
+    shown/             random episodes that it begins from, where nobody has shown any
     policy.json        the policy that is handed over
     learned.json       the learned one, where another is handed over
     front.csv          the best tree of each size: leaves, return, success, with intervals
@@ -20,6 +21,7 @@ or the new one. The lock is the operating system's: it ends with the process tha
 import csv
 import io
 import os
+import shutil
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -27,6 +29,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from eutree.compression.episodes import FrontEntry
+from eutree.data import Demonstrations
 from eutree.errors import FormatError, RunFolderError, blamed
 from eutree.evaluation import curve_to_csv
 from eutree.files import Document, make_folder, read_document, write_document, write_text
@@ -45,6 +48,7 @@ from eutree.training.run import Run
 
 _FRONT = ("tree", "n_leaves", "mean_return", "return_low", "return_high", "success_rate",
           "success_low", "success_high", "picked")  # fmt: skip
+SHOWN = "shown"
 MIN_SAVING_INTERVAL = 1.0  # seconds
 SHARE = 20
 _LENGTH = ("episodes", "steps", "minutes")  # which may be another when a run is resumed
@@ -164,6 +168,11 @@ class RunFolder:
             expert.save(path)
             self._begun_with.append(path)
 
+    def save_shown(self, shown: Demonstrations) -> None:
+        """Write the random episodes that a run begins from: not every environment repeats them."""
+        if not (self.path / SHOWN).exists():
+            shown.save(self.path / SHOWN)
+
     def save_checkpoint(self, run: Run) -> None:
         """Write all that is needed to go on from here, and the curve so far."""
         write_checkpoint(self.path / CHECKPOINT, run)
@@ -207,6 +216,7 @@ class RunFolder:
         self._longer = False
         path = self.path / "config.json"
         if not path.exists():
+            shutil.rmtree(self.path / SHOWN, ignore_errors=True)  # of a run that never began
             write_document(path, config)
             self._begun_with.append(path)
             return
