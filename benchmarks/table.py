@@ -1,16 +1,14 @@
 """Measure the table: what a small tree earns at a size after a number of counted steps.
 
-Run: python benchmarks/table.py TASK [TASK ...]
-     [--who eutree nothing derived sums dagger viper network] [--steps 10000 50000 100000]
-     [--leaves 4 8 16 32] [--seeds 10] [--first 20000] [--trees FOLDER]
-     [--out docs/results/table]
+Run: python benchmarks/table.py TASK [TASK ...] [--who eutree derived sums dagger viper network]
+     [--steps 10000 50000 100000] [--leaves 4 8 16 32] [--seeds 10] [--first 20000]
+     [--trees FOLDER] [--out docs/results/table]
 
 A cell is a run of its own, in a process of its own: 15 demonstrations of the task's script, then
 the settings of ``src/eutree/zoo/settings/TASK.toml`` for the steps that are left (demonstrations
 count). The tree has at most so many leaves, and 200 fresh episodes say what it earns. What sizes
 have in common is learned once, and counted in each (``benchmarks/common_part.py``).
 ``derived`` does the same with the settings of ``TASK-derived.toml``, which declare features.
-``nothing`` has no demonstrations: all steps are its own.
 ``sums`` lets trees ask for three weighted sums that the run finds: no person declares anything.
 For the others ``sums`` is 0, whatever the settings say: their trees ask for raw numbers.
 ``dagger`` and ``viper`` make trees (CART) of a DQN of Stable-Baselines3 with the settings of its
@@ -60,7 +58,7 @@ ROOT = Path(__file__).resolve().parents[1]
 ROWS = ROOT / "docs" / "results" / "table"
 STEPS, LEAVES = (10_000, 50_000, 100_000), (4, 8, 16, 32)
 SEEDS, FIRST, FINAL_EPISODES = 10, 20_000, 200
-OURS = ("eutree", "nothing", "derived", "sums")
+OURS = ("eutree", "derived", "sums")
 SUMS = {"sums": 3}  # that trees may ask for; of the others none
 STUDENTS = ("dagger", "viper")
 ROUNDS, TEACHERS = 8, 0.8  # of DAgger and VIPER; the share of the steps that their teacher takes
@@ -163,13 +161,11 @@ class Learning:
     def __init__(
         self, cell: Cell, env: Any, settings: Settings, folder: Path | None = None
     ) -> None:
-        shown, left = None, cell.steps
-        if cell.who != "nothing":
-            shown = eutree.record(
-                env, settings.expert, episodes=settings.demonstrations, seed=cell.seed
-            )
-            left -= shown.n_transitions
-        if shown is not None and left <= 0:
+        shown = eutree.record(
+            env, settings.expert, episodes=settings.demonstrations, seed=cell.seed
+        )
+        left = cell.steps - shown.n_transitions
+        if left <= 0:
             raise SystemExit(f"{cell}: the demonstrations alone take {shown.n_transitions} steps")
         self._leaves = cell.leaves
         self._learn = partial(
@@ -178,7 +174,7 @@ class Learning:
             evaluation_episodes=1, seed=cell.seed,
         )  # fmt: skip
         name = settings_name(cell.task, cell.who).replace("/", "-")
-        name = f"{cell.who}-{name}-{cell.seed}-{name_of(settings.method, left)}.npz"
+        name = f"{name}-{cell.seed}-{name_of(settings.method, left)}.npz"
         self._common = None if folder is None else folder / name
 
     def common_seconds(self) -> float:

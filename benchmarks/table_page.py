@@ -32,7 +32,7 @@ ENOUGH = 0.9  # a cell whose runs used a smaller share of their steps says so
 FEW = 5  # seeds: the interval of fewer is as wide as the picture, and stands on the page alone
 BELOW = 0.5  # of the height of all own means: so far below them others are drawn
 FAR = 4.0  # of the best return: so far below it, where nothing was run here
-COLOURS = {"eutree": "Blues", "nothing": "YlOrBr", "derived": "Purples", "sums": "RdPu",
+COLOURS = {"eutree": "Blues", "derived": "Purples", "sums": "RdPu",
            "dagger": "Oranges", "viper": "Greens",
            "network": "Greys"}  # fmt: skip
 MARKS = "xD^sv*P<>p"
