@@ -189,7 +189,9 @@ class Planner:
         pessimistic, optimistic = self._rollouts(known, levels, most, generator)
         scale = known.typical_return
         if plan.challenger is not None:
-            won = self._won(plan, plan.challenger, data, n_new, pessimistic)
+            won = self._won_alone(plan, data, n_new)
+            if not won and self._deserves(plan, plan.challenger, data, pessimistic):
+                won = plan.challenger_episodes[-self.memory :]
             plan = plan.with_adopted(won) if won else plan
         base = plan.corrected or plan.explorer or plan.incumbent
         explorer = self.improvement.improve(optimistic, base, scale, begin=plan.knows_nothing)
@@ -249,32 +251,29 @@ class Planner:
         fewest = min(FEWEST_ROLLOUTS, self.n_episodes)
         return int(np.clip(self.n_steps / data.mean_length, fewest, self.n_episodes))
 
-    def _won(
-        self,
-        plan: Planned,
-        challenger: ActionTree,
-        data: Transitions,
-        n_new: int,
-        pessimistic: PairedRollouts,
-    ) -> tuple[int, ...]:
-        """Return the episodes that make the challenger the incumbent; none if it stays one.
+    def _won_alone(self, plan: Planned, data: Transitions, n_new: int) -> tuple[int, ...]:
+        """Return the episodes that put the challenger in the place of an unknown action, if any do.
 
-        All challengers since the last adoption are a series: where that is ahead, the model has to
-        prefer the present one too. Over a single action that nobody has shown, it also wins by what
-        it has earned itself, in the last ``n_new`` transitions, if that is clearly more.
+        They are its own, within the last ``n_new`` transitions, and clearly ahead: over a single
+        action that nobody has shown, the model is not asked.
         """
-        tried = plan.challenger_episodes[-self.memory :]
         begun = int(np.searchsorted(np.flatnonzero(data.first), len(data.episodes) - n_new))
-        own = tuple(episode for episode in tried if episode >= begun)
-        if plan.knows_nothing and self._ahead(plan, own, data, AheadApart(enough=len(own) + 1)):
-            return own
+        own = tuple(n for n in plan.challenger_episodes[-self.memory :] if n >= begun)
+        clear = AheadApart(enough=len(own) + 1)
+        return own if plan.knows_nothing and self._ahead(plan, own, data, clear) else ()
+
+    def _deserves(
+        self, plan: Planned, challenger: ActionTree, data: Transitions, pessimistic: PairedRollouts
+    ) -> bool:
+        """Return whether real returns prefer the challenger, and the model does too."""
+        tried = plan.challenger_episodes[-self.memory :]
         steps = data.episode_lengths[list(tried)].sum()
         enough = min(self.min_episodes, len(tried)) if steps >= self.trial_steps else None
         if not self._ahead(plan, tried, data, AheadApart(enough=enough or self.min_episodes)):
-            return ()
+            return False
         pessimistic.run(plan.incumbent)
         gain = pessimistic.gain(challenger)
-        return tried if gain.mean > gain.error else ()
+        return gain.mean > gain.error
 
     def _ahead(
         self, plan: Planned, tried: tuple[int, ...], data: Transitions, rule: AheadApart
