@@ -12,7 +12,6 @@ all rows: before, and now. Seeds from 1000 to 1999 are for tuning.
 
 import argparse
 import multiprocessing
-import resource
 import sys
 import time
 from pathlib import Path
@@ -25,7 +24,7 @@ import eutree
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the examples, and what is beside
 
 import examples.inventory
-from benchmarks.table import COLUMNS, FINAL_EPISODES, ROOT, commit, keep, rows_of
+from benchmarks.table import ROOT, Cell, commit, keep, row_of, rows_of
 from benchmarks.table_page import summary
 
 assert examples.inventory  # it registers a task
@@ -58,16 +57,8 @@ def measured(task: str, seed: int) -> dict[str, Any]:
         task, steps=TASKS[task], seed=seed, judge_episodes=0, front_steps=0, evaluate_every=10**6
     )
     spent = time.process_time() - begin
-    end = eutree.evaluate(found.policy, task, episodes=FINAL_EPISODES, seed=1_000_000 + seed)
-    values = (
-        "nothing", task, TASKS[task], 0, seed, round(float(end.returns.mean()), 2),
-        round(float(end.returns.std(ddof=1) / np.sqrt(FINAL_EPISODES)), 2),
-        "" if end.success_rate is None else round(float(end.success_rate), 4),
-        round(float(end.returns.min()), 2), found.policy.tree.n_leaves,
-        found.environment_steps.total, round(spent, 1),
-        resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024, commit(),
-    )  # fmt: skip
-    return dict(zip(COLUMNS, values, strict=True))
+    cell = Cell("nothing", task, TASKS[task], 0, seed)
+    return row_of(cell, found.policy, task, found.environment_steps.total, spent)
 
 
 def page() -> str:

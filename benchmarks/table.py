@@ -271,11 +271,16 @@ def measured(cell: Cell, trees: Path | None, common: Path | None) -> dict[str, A
         policy, used, spent = distilled(cell, env)
     else:
         (policy, spent), used = network(cell.task, cell.steps, cell.seed), cell.steps
-    has_leaves = policy.tree.n_leaves if isinstance(policy, eutree.TreePolicy) else 0
-    end = eutree.evaluate(policy, env, episodes=FINAL_EPISODES, seed=1_000_000 + cell.seed)
     if trees is not None and cell.who in OURS:
         trees.mkdir(parents=True, exist_ok=True)
         policy.save(trees / tree_of(cell))
+    return row_of(cell, policy, env, used, spent)
+
+
+def row_of(cell: Cell, policy: Any, env: Any, used: int, spent: float) -> dict[str, Any]:
+    """Return the row of a cell: what its policy earns on fresh episodes, and what it cost."""
+    has_leaves = policy.tree.n_leaves if isinstance(policy, eutree.TreePolicy) else 0
+    end = eutree.evaluate(policy, env, episodes=FINAL_EPISODES, seed=1_000_000 + cell.seed)
     returns = end.returns
     return {
         "who": cell.who, "task": cell.task, "steps": cell.steps, "leaves": cell.leaves,

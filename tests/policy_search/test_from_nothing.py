@@ -8,21 +8,13 @@ import pytest
 import eutree
 from eutree.learners import DEFAULT, Start
 from eutree.policy_search.climbing import luckiest
-from eutree.policy_search.improvement import Improvement
 from eutree.policy_search.planner import Planned, Planner
 from eutree.world_model.action_trees import n_leaves, nested, packed
 from tests.naive_world_model import act
-from tests.world_model.walks import GO, STAY, mean_return, walks
+from tests.world_model.walks import GO, STAY, Unimproved, mean_return, walks
 from tests.worlds import Walk
 
 TURNS = (1, 0.0, STAY, GO)  # goes in every other step
-
-
-class Unimproved(Improvement):
-    """Leaves each policy as it is, so that it can be told which one was begun from."""
-
-    def improve(self, rollouts, policy, scale, *, begin=False):
-        return policy
 
 
 def planned(plan, data):

@@ -10,7 +10,7 @@ from eutree.cli.main import run
 from eutree.errors import InvalidArgumentError
 from eutree.learners.distilled_dqn import DistilledDQN
 from eutree.neural import DoubleDQNSettings
-from eutree.training.planned import RandomActions, default_for
+from eutree.training.planned import default_for
 from eutree.world_model.ensemble import EnsembleSettings
 
 SMALL = DistilledDQN(
@@ -97,12 +97,24 @@ def test_a_start_that_is_named_is_none_of_chance():
         eutree.learn("CartPole-v1", method=SMALL, start="nothing", steps=700, **QUICK)
 
 
-def test_random_actions_are_allowed_ones():
-    policy = RandomActions(4, np.random.default_rng(0))
-    masks = np.array([False, True, False, True])
-    drawn = {policy.predict(np.zeros(2), action_masks=masks)[0] for _ in range(40)}
-    assert drawn == {1, 3}
-    assert {policy.predict(np.zeros(2))[0] for _ in range(80)} == {0, 1, 2, 3}
+class Masked(CartPoleEnv):
+    """Allows one action at each step."""
+
+    def action_masks(self):
+        return np.arange(2) == int(self.state[2] > 0.0)
+
+
+def test_random_actions_are_allowed_ones(tmp_path):
+    env = TimeLimit(Masked(), 100)
+    eutree.learn(env, method=SMALL, steps=700, seed=3, out=tmp_path / "run", **QUICK)
+    for episode in eutree.Demonstrations.load(tmp_path / "run" / "shown").episodes:
+        assert episode.actions.tolist() == (episode.observations[:-1, 2] > 0.0).tolist()
+
+
+def test_random_actions_are_all_of_them(tmp_path):
+    eutree.learn("CartPole-v1", method=SMALL, steps=700, seed=3, out=tmp_path / "run", **QUICK)
+    shown = eutree.Demonstrations.load(tmp_path / "run" / "shown")
+    assert {int(a) for one in shown.episodes for a in one.actions} == {0, 1}
 
 
 def test_a_command_learns_where_nothing_is_shown(tmp_path, capsys):

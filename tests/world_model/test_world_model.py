@@ -31,7 +31,15 @@ from eutree.world_model.action_trees import (
 from eutree.world_model.dynamics import moved_to_better
 from eutree.world_model.rollouts import PairedRollouts
 from tests import naive_world_model
-from tests.world_model.walks import GO, STAY, mean_return, model_of, rollouts_of, walks
+from tests.world_model.walks import (
+    GO,
+    STAY,
+    Unimproved,
+    mean_return,
+    model_of,
+    rollouts_of,
+    walks,
+)
 
 trees = st.recursive(
     st.integers(0, 1),
@@ -470,13 +478,6 @@ def test_a_challenger_is_adopted_if_its_evaluation_went_well(good):
     plan = replace(plan, challenger_episodes=tuple(episodes.tolist()))
     after = planned(plan, data)
     assert (nested(after.incumbent) == nested(plan.challenger)) == good
-
-
-class Unimproved(Improvement):
-    """Leaves each policy as it is, so that it can be told which one was begun from."""
-
-    def improve(self, rollouts, policy, scale, *, begin=False):
-        return policy
 
 
 def test_the_explorer_is_one_more_start_of_the_challenger():

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from eutree.policy_search.improvement import Improvement
 from eutree.world_model import Transitions, fit_world_models
 from eutree.world_model.action_trees import nested
 from eutree.world_model.rollouts import PairedRollouts
@@ -54,3 +55,10 @@ def model_of(data, gap=0.5):
 
 def rollouts_of(data, n_episodes=400, seed=0, gap=0.5):
     return PairedRollouts(model_of(data, gap), n_episodes, 1.0, np.random.default_rng(seed))
+
+
+class Unimproved(Improvement):
+    """Leaves each policy as it is, so that it can be told which one was begun from."""
+
+    def improve(self, rollouts, policy, scale, *, begin=False):
+        return policy

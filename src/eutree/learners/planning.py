@@ -54,7 +54,7 @@ from eutree.trees import DecisionTree
 from eutree.trees.edit import graft
 from eutree.validation import check_amounts, check_number
 from eutree.world_model import ActionTree, PairedRollouts, Transitions
-from eutree.world_model.action_trees import from_decision_tree, to_decision_tree
+from eutree.world_model.action_trees import from_decision_tree, packed, to_decision_tree
 from eutree.world_model.transitions import seen_as
 
 _AT_RANDOM = 0.25  # share of a blind explorer's episodes in which each action is drawn
@@ -208,10 +208,7 @@ class ModelPlanning:
 
         Actions that are drawn at each step undo each other: a car in a valley stays there.
         """
-        tree = from_decision_tree(
-            DecisionTree.single_leaf(self.tree.n_features),
-            generator.integers(self.n_actions, size=1),
-        )
+        tree = packed(int(generator.integers(self.n_actions)))
         if self.history.size and generator.random() >= _SINGLE:
             variation = Variation(self.n_actions, _RANDOM_LEAVES, generator)
             visited = self.history.observations[-_VISITED:]

@@ -257,10 +257,12 @@ class Planner:
         They are its own, within the last ``n_new`` transitions, and clearly ahead: over a single
         action that nobody has shown, the model is not asked.
         """
+        if not plan.knows_nothing:
+            return ()
         begun = int(np.searchsorted(np.flatnonzero(data.first), len(data.episodes) - n_new))
         own = tuple(n for n in plan.challenger_episodes[-self.memory :] if n >= begun)
         clear = AheadApart(enough=len(own) + 1)
-        return own if plan.knows_nothing and self._ahead(plan, own, data, clear) else ()
+        return own if self._ahead(plan, own, data, clear) else ()
 
     def _deserves(
         self, plan: Planned, challenger: ActionTree, data: Transitions, pessimistic: PairedRollouts

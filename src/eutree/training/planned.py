@@ -15,15 +15,13 @@ from pathlib import Path
 from typing import Any, cast
 
 import gymnasium
-import numpy as np
 
-from eutree.arrays import Booleans
 from eutree.data import Demonstrations
 from eutree.display import counted
 from eutree.errors import InvalidArgumentError
 from eutree.evaluation.evaluate import vector_form
-from eutree.interaction import describe
-from eutree.interaction.episode import Stream
+from eutree.interaction import GuardedEnv, episode_seed
+from eutree.interaction.episode import EpisodeSteps, Stream
 from eutree.interaction.spaces import spec_of
 from eutree.learners import DEFAULT, Method, Start
 from eutree.learners import method as method_of
@@ -117,24 +115,6 @@ def _planning(reason: str, *, open_: bool = False) -> ChosenMethod:
 EPISODES = 400  # where no budget is named
 
 
-class RandomActions:
-    """A policy that draws each action from those that are allowed."""
-
-    def __init__(self, n_actions: int, generator: np.random.Generator) -> None:
-        self._n_actions, self._generator = n_actions, generator
-
-    def predict(
-        self,
-        observation: Any,
-        state: Any = None,
-        episode_start: Any = None,
-        deterministic: bool = True,
-        action_masks: Booleans | None = None,
-    ) -> tuple[int, Any]:
-        """Return an action, whatever is observed, and no state."""
-        return random_action(self._generator, self._n_actions, action_masks), None
-
-
 def shown_by_chance(
     asked: Asked,
     method: str | Method | None,
@@ -147,19 +127,23 @@ def shown_by_chance(
 
     They fix a network's scales as well as a person's do. A run that goes on has them in its folder.
     """
-    schema = describe(env)
+    guarded = GuardedEnv(env, strict=asked.strict)
+    schema, folder = guarded.schema, asked.folder
     choice = _choice_of(method, start, asked, None, features=schema.n_features)
     if start is not None or not choice.method.needs.chance_will_do:
         return choice, None
-    from eutree.recording import record
-
     begins = f"it begins from {ENOUGH_SHOWN} episodes of random actions, for nothing is shown"
     choice = replace(choice, reason="; ".join(filter(None, (choice.reason, begins))))
-    folder = asked.folder
     if folder is not None and folder.resume and (kept := Path(folder.path) / SHOWN).exists():
         return choice, Demonstrations.load(kept)
-    chance = RandomActions(schema.n_actions, generator_of(seed, Stream.START, 0))
-    return choice, record(env, chance, episodes=ENOUGH_SHOWN, seed=seed, strict=asked.strict)
+    chance, episodes = generator_of(seed, Stream.START, 0), []
+    for number in range(ENOUGH_SHOWN):
+        begun = episode_seed(seed, number, Stream.RECORDING)
+        steps = EpisodeSteps(guarded, guarded.reset(begun))
+        while not steps.is_over:
+            steps.take(random_action(chance, schema.n_actions, guarded.allowed))
+        episodes.append(steps.episode(begun))
+    return choice, Demonstrations(tuple(episodes), schema, guarded.spec, expert="random actions")
 
 
 def planned(
@@ -181,10 +165,7 @@ def planned(
     if env is None:
         _check_acts_nowhere(asked)
     races, keeps = budget.race_steps, handover.keep_success
-    if isinstance(method, ChosenMethod):
-        choice = method
-    else:
-        choice = _choice_of(method, start, asked, demonstrations, offline=env is None)
+    choice = _choice_of(method, start, asked, demonstrations, offline=env is None)
     chosen = _bounded(choice.method, asked)
     race = SearchSettings(steps=races, max_leaves=handover.max_leaves, keep_success=keeps)
     expected = _expected(budget, demonstrations, env)
@@ -270,7 +251,7 @@ def _check_acts_nowhere(asked: Asked) -> None:
 
 
 def _choice_of(
-    method: str | Method | None,
+    method: str | Method | ChosenMethod | None,
     start: str | None,
     asked: Asked,
     shown: Demonstrations | None,
@@ -279,6 +260,8 @@ def _choice_of(
     features: int | None = None,
 ) -> ChosenMethod:
     """Return the method that is meant, and why where nobody said so; that is said aloud, too."""
+    if isinstance(method, ChosenMethod):
+        return method
     if method not in (None, "auto"):
         own = method_of(method) if isinstance(method, str) else checked_method(method)
         return ChosenMethod(own, "")
