@@ -91,11 +91,13 @@ def annealed_together(
     generator, allowed = rollouts[0].generator, improvement.max_leaves
     spare = max(n_leaves(one.policy) for one in rollouts) - allowed
     price, best = improvement.price * scale, [(-np.inf, one.policy) for one in rollouts]
+    sizes: dict[int, list[Variation]] = {}
     for k in range(changes):
         limit = allowed + max(0, spare - int((spare + 1) * k / (FALL * changes)))
-        variation = Variation(rollouts[0].n_actions, limit, generator)
+        if limit not in sizes:
+            sizes = {limit: [Variation(one.n_actions, limit, generator) for one in rollouts]}
         temperature = HOT_LEAVES / allowed * scale * (1.0 - k / changes) ** 3
-        for i, one in enumerate(rollouts):
+        for i, (one, variation) in enumerate(zip(rollouts, sizes[limit], strict=True)):
             if n_leaves(one.policy) > limit:
                 replace(improvement, max_leaves=limit).cut(one)
             mate = rollouts[int(generator.integers(len(rollouts)))].policy

@@ -1,26 +1,35 @@
 """Random changes of a policy tree, at places that its episodes visit."""
 
+from typing import Any
+
 import numpy as np
 
 from eutree.arrays import Booleans, Floats
 from eutree.compiled import compiled
 from eutree.features import threshold_between
 from eutree.world_model import ActionTree, leaf_node
-from eutree.world_model.action_trees import n_leaves, nested, packed, with_box, with_child
+from eutree.world_model.action_trees import Nested, n_leaves, nested, packed, with_box, with_child
 
 SHIFTS = (0.015, 0.05, 0.15, 0.45)  # of the visited observations that change sides, at most
 MORE = 0.4  # chance of one more change
 GRAFTED = 0.1  # chance that a branch of a mate is taken over
 BOX_ROWS = 300  # looked at for the other edges of a box
+WAYS = np.array((0.4, 0.5, 0.8, 1.0))  # chances of thresholds, labels, boxes, subtrees, added up
 
 
 class Variation:
-    """Makes variants of a policy tree."""
+    """Makes variants of a policy tree.
+
+    Tens of thousands of them are made for one tree that is kept. So the values of a feature are
+    sorted once for all trees that are varied with the same array of visited observations.
+    """
 
     def __init__(self, n_actions: int, max_leaves: int, generator: np.random.Generator) -> None:
         self._n_actions = n_actions
         self._max_leaves = max_leaves
         self._generator = generator
+        self._visited: Floats | None = None
+        self._sorted: dict[int, Floats] = {}
         self._ways = (
             self._perturb_thresholds,
             self._flip_label,
@@ -35,7 +44,8 @@ class Variation:
 
         Args:
             tree: The policy.
-            visited: Observations of its episodes, shape [K, d].
+            visited: Observations of its episodes, shape [K, d]; they must not change while the same
+                array is given.
             mate: Another policy, of which a branch may be taken over.
         """
         changed = mate is not None and self._generator.random() < GRAFTED
@@ -43,55 +53,66 @@ class Variation:
             node, source = (self._generator.integers(one.feature.size) for one in (tree, mate))
             tree = packed(nested(tree, instead={int(node): nested(mate, int(source))}))
         while not changed or self._generator.random() < MORE:
-            way = self._generator.choice(4, p=(0.4, 0.1, 0.3, 0.2))
-            tree, changed = packed(nested(self._ways[way](tree, visited))), True
+            way = self._ways[int(WAYS.searchsorted(self._generator.random(), side="right"))]
+            tree, changed = packed(way(tree, visited)), True
         return tree if 2 <= n_leaves(tree) <= self._max_leaves else None
 
-    def _perturb_thresholds(self, tree: ActionTree, visited: Floats) -> ActionTree:
+    def _perturb_thresholds(self, tree: ActionTree, visited: Floats) -> Nested:
         inner = np.flatnonzero(tree.feature >= 0)
         if not inner.size:
-            return tree
-        node = self._generator.choice(inner)
-        values = visited[:, tree.feature[node]]
-        at = int(np.count_nonzero(values < tree.threshold[node]))
-        reach = values.size * self._generator.choice(SHIFTS) * self._generator.random()
-        at += int(self._generator.choice((-1, 1)) * max(1.0, reach))
-        at = int(np.clip(at, 1, values.size - 1))
+            return nested(tree)
+        node = self._one_of(inner)
+        values = self._values(visited, int(tree.feature[node]))
+        at = int(values.searchsorted(tree.threshold[node]))
+        reach = values.size * self._one_of(SHIFTS) * self._generator.random()
+        at += int(self._one_of((-1, 1)) * max(1.0, reach))
+        at = min(max(at, 1), values.size - 1)
         thresholds = tree.threshold.copy()
-        values = np.partition(values, (at - 1, at))  # sorted there: all that is read
         thresholds[node] = threshold_between(*values[at - 1 : at + 1].tolist())
-        return tree._replace(threshold=thresholds)
+        return nested(tree._replace(threshold=thresholds))
 
-    def _flip_label(self, tree: ActionTree, visited: Floats) -> ActionTree:
-        leaf = self._generator.choice(np.flatnonzero(tree.feature < 0))
+    def _flip_label(self, tree: ActionTree, visited: Floats) -> Nested:
+        leaf = self._one_of(np.flatnonzero(tree.feature < 0))
         actions = tree.action.copy()
         actions[leaf] = self._other(actions[leaf])
-        return tree._replace(action=actions)
+        return nested(tree._replace(action=actions))
 
-    def _insert_boxes(self, tree: ActionTree, visited: Floats) -> ActionTree:
+    def _insert_boxes(self, tree: ActionTree, visited: Floats) -> Nested:
         x = visited[self._generator.integers(len(visited))]
         leaf = leaf_node(tree, 0, x)
         some = visited[self._generator.integers(len(visited), size=BOX_ROWS)]
         near = inside if len(inside := some[_in_leaf(tree, leaf, some)]) else x[None]
         box = np.full((x.size, 2), (-np.inf, np.inf))
-        n_features = min(int(self._generator.choice((1, 1, 2))), x.size)
+        n_features = min(self._one_of((1, 1, 2)), x.size)
         for feature in self._generator.choice(x.size, n_features, replace=False):
             edge = near[self._generator.integers(len(near))][feature]
             if edge != x[feature]:
                 box[feature, int(edge > x[feature])] = edge
         taken = int(tree.action[leaf])
-        return packed(nested(tree, instead={int(leaf): with_box(box, self._other(taken), taken)}))
+        return nested(tree, instead={int(leaf): with_box(box, self._other(taken), taken)})
 
-    def _replace_subtrees(self, tree: ActionTree, visited: Floats) -> ActionTree:
+    def _replace_subtrees(self, tree: ActionTree, visited: Floats) -> Nested:
         inner = np.flatnonzero(tree.feature >= 0)
         if not inner.size:
-            return tree
-        node = int(self._generator.choice(inner))
-        return with_child(tree, node, goes_left=bool(self._generator.random() < 0.5))[0]
+            return nested(tree)
+        node = int(self._one_of(inner))
+        return nested(with_child(tree, node, goes_left=bool(self._generator.random() < 0.5))[0])
 
     def _other(self, action: int) -> int:
         others = [a for a in range(self._n_actions) if a != action]
-        return int(self._generator.choice(others))
+        return int(self._one_of(others))
+
+    def _one_of(self, some: Any) -> Any:
+        """Return one of a sequence, the one that ``Generator.choice`` returns, in less time."""
+        return some[int(self._generator.integers(len(some)))]
+
+    def _values(self, visited: Floats, feature: int) -> Floats:
+        """Return the sorted values of a feature."""
+        if visited is not self._visited:
+            self._visited, self._sorted = visited, {}
+        if feature not in self._sorted:
+            self._sorted[feature] = np.sort(visited[:, feature])
+        return self._sorted[feature]
 
 
 @compiled

@@ -58,16 +58,17 @@ def nested(
     tree: ActionTree, node: int = 0, *, instead: Mapping[int, Nested] | None = None
 ) -> Nested:
     """Return the subtree at ``node`` as a nested tree, with some nodes replaced."""
-    if instead and node in instead:
-        return instead[node]
-    if tree.feature[node] < 0:
-        return int(tree.action[node])
-    return (
-        int(tree.feature[node]),
-        float(tree.threshold[node]),
-        nested(tree, int(tree.left[node]), instead=instead),
-        nested(tree, int(tree.right[node]), instead=instead),
-    )
+    instead = instead or {}
+    feature, threshold, left, right, action = (column.tolist() for column in tree)
+
+    def at(node: int) -> Nested:
+        if node in instead:
+            return instead[node]
+        if feature[node] < 0:
+            return int(action[node])
+        return feature[node], threshold[node], at(left[node]), at(right[node])
+
+    return at(node)
 
 
 def with_child(tree: ActionTree, node: int, *, goes_left: bool) -> tuple[ActionTree, Integers]:

@@ -80,8 +80,8 @@ class Rollouts(ABC):
 
     @property
     def observations(self) -> Floats:
-        """Observation at each step, shape [K, d]; a view."""
-        return self._episodes.states[: self.n_steps, : self._n_features]
+        """Observation at each step, shape [K, d]; a view, the same one until the next run."""
+        return self._observations
 
     @property
     def node(self) -> Integers:
@@ -96,6 +96,7 @@ class Rollouts(ABC):
     def redraw(self) -> None:
         """Draw other random numbers and other starts; the next ``run`` uses both."""
         self._draw()
+        self._look()
         self._departs[:] = self._episodes.first[:-1]
         self._within = np.zeros(1, dtype=np.int64)
         self._drawn = True
@@ -107,8 +108,12 @@ class Rollouts(ABC):
         self._record(policy)
         self._episodes, self._spare = self._spare, self._episodes
         self.policy, self._drawn = policy, False
+        self._look()
         self._begin = np.empty(policy.feature.size + 1, dtype=np.int64)
         _kernels.bucket(self.node, self._begin, self._steps)
+
+    def _look(self) -> None:
+        self._observations = self._episodes.states[: self.n_steps, : self._n_features]
 
     def values_at(self, node: int, feature: int) -> Floats:
         """Return the sorted values of a feature among the steps whose path visits a node."""
