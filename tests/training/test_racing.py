@@ -407,6 +407,8 @@ def test_what_is_refused(env, expert):
         ({"race_steps": -1}, "race_steps"),
         ({"race_steps": 10, "episodes": 0, "expert": expert}, "race_steps needs stored"),
         ({"race_steps": 10, "steps": 5}, "race_steps must be at most steps"),
+        ({"race_steps": 500, "steps": 500}, "race_steps must be less than steps, 500, without"),
+        ({"race_steps": 500, "steps": 500, "expert": expert}, "race_steps must be less than"),
         ({"max_leaves": 1}, "max_leaves"),
         ({"max_leaves": 5, "method": "paper"}, "max_leaves must be None"),
     ):

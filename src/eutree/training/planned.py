@@ -226,6 +226,11 @@ def check_races(plan: Plan, start: Start) -> None:
         raise InvalidArgumentError(
             f"race_steps must be at most steps, {plan.steps}, got {plan.race_steps}"
         )
+    if plan.race_steps and plan.race_steps == plan.steps and not start.episodes:
+        raise InvalidArgumentError(
+            f"race_steps must be less than steps, {plan.steps}, without demonstrations, "
+            f"got {plan.race_steps}"
+        )
 
 
 def check_monotone(plan: Plan, method: Method) -> None:
