@@ -38,6 +38,7 @@ def test_who_is_shown_too_little_is_not_helped_by_chance():
 def test_a_run_shows_itself_what_nobody_has_shown():
     result = eutree.learn("CartPole-v1", method=SMALL, steps=700, seed=3, **QUICK)
     assert "5 episodes of random actions" in result.reason
+    assert result.start == "nothing"
     spent = result.environment_steps
     assert 40 <= spent.demonstrations <= 5 * 100
     assert result.steps <= 700

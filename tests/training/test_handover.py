@@ -13,6 +13,7 @@ from eutree.policies import TreePolicy
 from eutree.schema import Schema
 from eutree.training import many
 from eutree.training.handover import (
+    EARNED_MORE,
     EARNS_MORE,
     FAILS_MORE,
     NO_LESS,
@@ -59,10 +60,10 @@ class Game:
         return Evaluation(returns, np.full(n, 3), np.full(n, "end"), successes)
 
 
-def verdict(game, *, sizes=(1, 1), known=None, episodes=None, **settings):
+def verdict(game, *, sizes=(1, 1), known=None, episodes=None, given=True, **settings):
     handover = Handover(episodes=episodes, **settings)
     duel = Duel(START, LEARNED, game, most=handover.pairs(200), steps=handover.steps(4_000))
-    return judge(handover, duel, sizes, known=known, challengers=2)
+    return judge(handover, duel, sizes, known=known, challengers=2, given=given)
 
 
 def normal(mean):
@@ -80,6 +81,49 @@ def test_no_difference_leaves_the_start():
     found = verdict(Game(normal(10.0), normal(10.0)))
     assert (found.handed_over, found.why) == ("start", NOT_SHOWN)
     assert found.return_interval.low < 0.0 < found.return_interval.high
+
+
+def test_a_start_that_nobody_has_given_gives_way_to_what_earned_more():
+    """Five episodes of 500 against 9 show nothing by a bound; a single action has no claim."""
+    far = Game(lambda chance: 9.0, lambda chance: 500.0)
+    known = (0.0, 500.0)
+    assert verdict(far, known=known, episodes=5).why == NOT_SHOWN
+    found = verdict(far, known=known, episodes=5, given=False)
+    assert (found.handed_over, found.why) == ("learned", EARNED_MORE)
+    assert found.return_interval.low < 0.0  # what is said of the gain promises no more than before
+    assert EARNED_MORE in found.verdict()
+    assert verdict(far, known=known, given=False).why == EARNS_MORE
+
+
+def test_a_start_that_nobody_has_given_stays_where_nothing_earned_more():
+    less, same = Game(lambda _: 10.0, lambda _: 9.0), Game(lambda _: 10.0, lambda _: 10.0)
+    assert verdict(less, episodes=5, given=False).handed_over == "start"
+    assert verdict(same, episodes=5, sizes=(1, 3), given=False).handed_over == "start"
+    assert verdict(same, episodes=5, sizes=(3, 1), given=False).handed_over == "learned"
+    unsuccessful = Game(lambda _: 9.0, lambda _: 10.0, successes=(1.0, 0.2))
+    assert verdict(unsuccessful, episodes=5, given=False).why == FAILS_MORE
+
+
+def assert_handed_over(judgement):
+    assert judgement.episodes < 10
+    assert (judgement.handed_over, judgement.why) == ("learned", EARNED_MORE)
+    assert judgement.return_change > 400.0
+
+
+def test_a_short_run_from_nothing_hands_over_what_it_learned():
+    """A learned tree of 500 was kept beside a single action of 9, for lack of episodes."""
+    result = eutree.learn("CartPole-v1", method="vrd", steps=2000, seed=0)
+    assert_handed_over(result.against_start)
+    assert result.policy == result.learned
+
+
+def test_so_do_several(tmp_path):
+    runs = eutree.learn_runs(
+        "CartPole-v1", runs=1, out=tmp_path / "runs", n_jobs=1, method="vrd", steps=2000, seed=0,
+        selection_episodes=3, judging_episodes=3,
+    )  # fmt: skip
+    assert_handed_over(runs.judgement)
+    assert runs.policy == runs.result.learned
 
 
 def test_a_smaller_tree_that_earns_as_much_is_taken_and_one_that_earns_less_is_not():

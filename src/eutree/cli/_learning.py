@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from eutree.training.many import FinishedRun, LearningRuns
 
 _EARNED = "mean_return return_interval success_rate success_interval"
-STARTS = {"nothing": "a single leaf"}  # others began with a tree
 _SAID_HERE = logging.NullHandler()  # a command says itself which method was chosen
 
 
@@ -145,7 +144,7 @@ def _against_start(result: "LearningResult") -> str:
     """Return the gain over the start, to follow other words; nothing if that is not known."""
     if result.against_start is None:
         return ""
-    start = STARTS.get(result.start, "the tree that it started from")
+    start = "a single leaf" if result.first.n_leaves == 1 else "the tree that it started from"
     return f"; {result.against_start.describe(start)}"
 
 

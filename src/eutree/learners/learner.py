@@ -44,6 +44,7 @@ Figure: TypeAlias = float | int | str | list[float] | list[int] | None
 Figures: TypeAlias = dict[str, Figure]
 TrueModel: TypeAlias = Callable[[Floats, Integers], tuple[Floats, Floats, Booleans]]
 StartName: TypeAlias = Literal["nothing", "tree", "tree+demos", "demos", "random-tree"]
+GIVEN = ("tree", "tree+demos")  # whose tree is somebody's
 
 
 class ValuingPolicy(Policy, Protocol):
@@ -135,19 +136,21 @@ class Start:
         expert: The tree it starts from: fitted to demonstrations, written by hand, or random.
         episodes: Demonstrations whose transitions it knows.
         random: Whether ``expert`` is a random tree, whose labels mean nothing.
+        by_chance: Whether the episodes are those of random actions: nobody has shown anything.
         teacher: Who names actions at observations that are met later; None if nobody does.
     """
 
     expert: TreePolicy | None = None
     episodes: tuple[Episode, ...] = ()
     random: bool = False
+    by_chance: bool = False
     teacher: ValuingPolicy | None = None
 
     @property
     def name(self) -> StartName:
         """Which start it is."""
-        if self.random:
-            return "random-tree"
+        if self.random or self.by_chance:
+            return "random-tree" if self.random else "nothing"
         if self.expert is None:
             return "demos" if self.episodes else "nothing"
         return "tree+demos" if self.episodes else "tree"
@@ -274,7 +277,7 @@ class Needs:
         """Return why the method does not fit, or ""."""
         if offline and self.gathering:
             return "it tries what it plans, so it needs an environment to act in"
-        if start.name not in self.starts:
+        if start.name not in self.starts and not (start.by_chance and self.chance_will_do):
             return f"it starts from {' or '.join(self.starts)}, got {start.name}"
         if start.teacher is not None and not self.asks_teacher:
             return "it asks no teacher; distilled-dqn does"

@@ -265,8 +265,19 @@ class Evaluations:
         if self._handover.has_front and is_new:
             self.earlier = [*self.earlier, policy][-EARLIER:]
 
-    def judge(self, first: TreePolicy, policy: TreePolicy, challengers: int, arena: Arena) -> None:
-        """Decide whether the result or the start is handed over, on episodes that chose nothing."""
+    def judge(
+        self,
+        first: TreePolicy,
+        policy: TreePolicy,
+        challengers: int,
+        arena: Arena,
+        *,
+        given: bool = True,
+    ) -> None:
+        """Decide whether the result or the start is handed over, on episodes that chose nothing.
+
+        The start ``first`` has less to say where nobody has ``given`` it.
+        """
         self._state.whole = True
         if key(policy) == key(first):
             judgement = Judgement.same(challengers=challengers)
@@ -286,7 +297,9 @@ class Evaluations:
             )
             sizes = first.n_leaves, policy.n_leaves
             known = arena.return_range
-            judgement = judge(handover, duel, sizes, known=known, challengers=challengers)
+            judgement = judge(
+                handover, duel, sizes, known=known, challengers=challengers, given=given
+            )
             judgement = replace(judgement, steps=self.played.steps - steps)
             proven = self._proven(arena)
             if proven is not None:

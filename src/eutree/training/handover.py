@@ -3,8 +3,9 @@
 Both play the same fresh episodes, one pair after the other, until it is decided. The learned tree
 takes the place of the start only if a contest *shows* that it earns more, or that it is smaller and
 earns no less; and if it does not succeed less often by more than a point. Otherwise the start is
-handed over, and the learned tree is kept beside it. The verdict on the two is about these
-episodes alone, which chose nothing before.
+handed over, and the learned tree is kept beside it. A start that nobody has given, a single action
+or a random tree, is nothing that has to be kept: there the one that earned more is handed over. The
+verdict on the two is about these episodes alone, which chose nothing before.
 """
 
 from collections.abc import Callable, Sequence
@@ -14,7 +15,15 @@ from typing import Any, Literal
 import msgspec
 
 from eutree.arrays import Floats
-from eutree.contests import Better, NextEpisodes, NotWorse, Verdict, hold, missing, new_table
+from eutree.contests import (
+    Better,
+    NextEpisodes,
+    NotWorse,
+    best,
+    hold,
+    missing,
+    new_table,
+)
 from eutree.contests.table import seen_range
 from eutree.display import counted, fixed
 from eutree.evaluation import Evaluation, Interval, against
@@ -166,6 +175,8 @@ class Judgement:
         words = f"handed over: {taken.describe()} of {self.episodes:,}; {name}: {other.describe()}"
         if self.handed_over == START:
             words += f". The start is handed over: {self.why}"
+        if self.why == EARNED_MORE:
+            words += f". The learned tree is handed over: {self.why}"
         return f"{words}. {AS_LEARNED}" if self.why == AS_LEARNED else words
 
 
@@ -220,7 +231,8 @@ class Handover:
     Attributes:
         episodes: Most fresh episodes that the start and the learned tree both play at the end: the
             start is handed over unless the other is shown to earn more, or to be smaller and earn
-            no less, and succeeds less often by a point at most. None for five for each episode of
+            no less, and succeeds less often by a point at most; of a start that nobody has given
+            it is enough that the other earned more in them. None for five for each episode of
             the run, 300 to 5,000, in ten times as many steps as the run took, and in proportion in
             a short run where episodes run one by one (see ``Schedule``); 0 plays none and hands
             over the learned tree, as the presets that read the paper literally do.
@@ -357,6 +369,7 @@ def judge(
     *,
     known: tuple[float, float] | None,
     challengers: int,
+    given: bool = True,
 ) -> Judgement:
     """Return which of the two is handed over, and the evidence on both.
 
@@ -366,12 +379,22 @@ def judge(
         sizes: Leaves of the start and of the learned tree.
         known: Lowest and highest return of an episode; None where they are not known.
         challengers: Trees that were put to the test in the run.
+        given: Whether somebody has given the start, as a tree or by demonstrations.
     """
     verdict = hold(_rule(handover, duel, sizes, known), duel.table, duel.run)
-    if verdict.winner and duel.evaluations()[0].successes is not None:
+    shown = bool(verdict.winner)
+    wins = shown or (not given and best(duel.table[:, verdict.starts], sizes) == 1)
+    if wins and duel.evaluations()[0].successes is not None:
         duel.extend(min(FOR_SUCCESS, duel.table.shape[1]))
     found = judged(*duel.evaluations(), known=known, challengers=challengers, sizes=sizes)
-    why = _why(handover, verdict, found.success_change, smaller=sizes[1] < sizes[0])
+    if wins and (found.success_change or 0.0) < -handover.success_margin:
+        why = FAILS_MORE
+    elif sizes[1] < sizes[0]:
+        why = NO_LESS if shown else NOT_SHOWN_SMALLER
+    else:
+        why = EARNS_MORE if shown else NOT_SHOWN
+    if wins and why in (NOT_SHOWN, NOT_SHOWN_SMALLER):
+        why = EARNED_MORE
     if handover.max_leaves is not None and sizes[0] > handover.max_leaves:
         why = TOO_LARGE
     taken = LEARNED if why in _TAKEN else START
@@ -380,13 +403,14 @@ def judge(
 
 EARNS_MORE = "it is shown to earn more"
 NO_LESS = "it is smaller and shown to earn no less"
+EARNED_MORE = "nobody has given the start, and in these episodes it earned more"
 NOT_SHOWN = "these episodes could not show that the learned tree earns more"
 NOT_SHOWN_SMALLER = (
     "these episodes could not show that the learned tree, which is smaller, earns no less"
 )
 FAILS_MORE = "the learned tree succeeds less often"
 TOO_LARGE = "the start has more leaves than were asked for"
-_TAKEN = (EARNS_MORE, NO_LESS, TOO_LARGE)
+_TAKEN = (EARNS_MORE, NO_LESS, EARNED_MORE, TOO_LARGE)
 
 
 def _rule(
@@ -402,11 +426,3 @@ def _rule(
     # Most of two near trees' returns are equal: what shows that soonest is a large stake.
     stake = STAKE / (high - low - margin) if high > low else None
     return NotWorse(margin=margin, error=handover.error, most=most, known=known, stake=stake)
-
-
-def _why(handover: Handover, verdict: Verdict, success: float | None, *, smaller: bool) -> str:
-    if not verdict.winner:
-        return NOT_SHOWN_SMALLER if smaller else NOT_SHOWN
-    if success is not None and success < -handover.success_margin:
-        return FAILS_MORE
-    return NO_LESS if smaller else EARNS_MORE

@@ -211,7 +211,8 @@ def _prepared(
         problem = Problem(demonstrations.schema, demonstrations.environment, asked.history)
         name, shown = f"offline: {demonstrations.environment}", log.known
     teacher = as_teacher(asked.teacher, None if arena is None else arena.env)
-    begin = replace(_start(start, problem, shown, expert, log, seed=seed), teacher=teacher)
+    begin = _start(start, problem, shown, expert, log, seed=seed)
+    begin = replace(begin, teacher=teacher, by_chance=by_chance is not None)
     check_fits(choice.method, problem, begin, offline=env is None)
     document = checked_document(choice.method)
     check_races(plan, begin)

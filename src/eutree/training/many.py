@@ -28,6 +28,7 @@ from eutree.interaction.episode import Stream
 from eutree.interaction.first_look import return_range
 from eutree.interaction.making import Recipe, make
 from eutree.learners import Method
+from eutree.learners.learner import GIVEN
 from eutree.parallel import Workers
 from eutree.policies import TreePolicy
 from eutree.proof import Certificate
@@ -274,7 +275,8 @@ def _against_start(
         steps=None,
     )
     sizes = result.first.n_leaves, result.policy.n_leaves
-    return judge(handover, duel, sizes, known=known, challengers=result.challengers)
+    given = result.start in GIVEN
+    return judge(handover, duel, sizes, known=known, challengers=result.challengers, given=given)
 
 
 def folder_of_winner(path: str | Path) -> Path:

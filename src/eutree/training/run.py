@@ -18,7 +18,7 @@ from eutree.evaluation import CurvePoint
 from eutree.interaction.episode import Stream
 from eutree.learners import Learner, Method, Problem, Start
 from eutree.learners.episode_buffer import transitions_of
-from eutree.learners.learner import KnowsItsModel, check_has_all, own_code
+from eutree.learners.learner import GIVEN, KnowsItsModel, check_has_all, own_code
 from eutree.policies import TreePolicy
 from eutree.policies.reach import among_allowed, ever_allowed, within_kinds, within_reach
 from eutree.policy_search.model_trust import ModelTrust
@@ -293,4 +293,5 @@ class Run:
             self.evaluations.make_front(learned, first, self.learner, arena, self.keeping)
         else:
             picked = self.evaluations.picked or learned
-            self.evaluations.judge(first, picked, self.challengers, arena)
+            given = self.beginning.start.name in GIVEN
+            self.evaluations.judge(first, picked, self.challengers, arena, given=given)
