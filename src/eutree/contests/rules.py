@@ -23,6 +23,7 @@ from eutree.contests.table import NextEpisodes, Table, Verdict, pairs, seen_rang
 
 FIRST = 32  # pairs before a challenger is called hopeless
 HOPELESS = 2.33  # standard errors: 99 %, one-sided
+CLEARLY = 3.0  # standard errors ahead that are worth more pairs
 GROWTH = 1.5  # of the pairs each time that more are asked for
 BLIND = 300  # pairs
 GUESS = 64  # episodes that a guess counts for
@@ -97,6 +98,8 @@ class NotWorse:
     known: tuple[float, float] | None = None
     blind: int = BLIND  # pairs below which nothing is shown where they are not known
     stake: float | None = None  # tuned on starts that are none of this contest; None for none
+    # Pairs after which it goes on only while the challenger is clearly ahead; None for ``most``
+    patience: int | None = None
 
     def next(self, table: Table) -> NextEpisodes | Verdict:
         """Return more pairs to run; or who has won, once that is shown or hopeless."""
@@ -104,9 +107,12 @@ class NotWorse:
         n = gains.size
         if (at := self.shown_after(gains, seen_range(table, self.known))) is not None:
             return Verdict(1, True, range(at))
-        if n >= self.most or self._hopeless(gains):
+        patient = n < self._patience
+        if n >= self.most or self._hopeless(gains) or not (patient or self._clearly_ahead(gains)):
             return Verdict(0, False, range(n))
-        return NextEpisodes((0, 1), range(min(max(FIRST, math.ceil(GROWTH * n)), self.most)))
+        more = math.ceil(GROWTH * n)
+        more = min(max(FIRST, more), self._patience) if patient else min(more + 1, self.most)
+        return NextEpisodes((0, 1), range(more))
 
     def stopped(self, table: Table) -> Verdict:
         """Return the incumbent: nothing was shown."""
@@ -115,7 +121,7 @@ class NotWorse:
     def shown_after(self, gains: Floats, bounds: tuple[float, float]) -> int | None:
         """Return after how many pairs it was shown; None if it is not."""
         worst = bounds[0] - bounds[1]
-        blind = 0 if self.known is not None else min(self.blind, self.most)
+        blind = 0 if self.known is not None else min(self.blind, self._patience)
         if gains.size < max(blind, 1) or (worst == 0.0 and self.margin == 0.0):
             return None
         if worst >= -self.margin and self.known is not None:
@@ -125,6 +131,16 @@ class NotWorse:
         enough = wealth >= -math.log(self.error)
         enough[: blind - 1 if blind else 0] = False
         return int(enough.argmax()) + 1 if enough.any() else None
+
+    @property
+    def _patience(self) -> int:
+        """Pairs that are played whatever they show."""
+        return self.most if self.patience is None else min(self.patience, self.most)
+
+    def _clearly_ahead(self, gains: Floats) -> bool:
+        """Return whether it looks as if a few pairs more would show what these do not."""
+        lead = Lead.of(gains)
+        return lead.pairs > 1 and lead.mean + self.margin > CLEARLY * lead.error
 
     def _hopeless(self, gains: Floats) -> bool:
         """Return whether the challenger is clearly below the margin."""

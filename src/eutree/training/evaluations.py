@@ -19,7 +19,7 @@ from eutree.learners import Learner
 from eutree.policies import TreePolicy
 from eutree.schema import EnvironmentSpec
 from eutree.training.handover import AS_LEARNED, Duel, Handover, Judgement, judge, judged
-from eutree.training.phases import ALONG, Plan, RunState, generator_of, left, within
+from eutree.training.phases import ALONG, FEW, Plan, RunState, generator_of, left, within
 from eutree.training.proposals import key
 
 if TYPE_CHECKING:
@@ -288,11 +288,13 @@ class Evaluations:
             judgement = replace(judged(*pair, challengers=challengers), why=AS_LEARNED)
         else:
             at, seed, steps = self._state.at, self._seed(self._fresh), self.played.steps
+            most = handover.pairs(at.episode)
             duel = Duel(
                 first,
                 policy,
                 lambda tree, starts: self.played.of(tree, starts, seed, arena),
-                most=self._pairs(first, policy, handover.pairs(at.episode), arena),
+                most=self._pairs(first, policy, most, arena, beyond=int(max(at.lived, FEW))),
+                patience=self._pairs(first, policy, most, arena),
                 steps=handover.steps(at.steps + at.racing_steps),
             )
             sizes = first.n_leaves, policy.n_leaves
@@ -317,12 +319,17 @@ class Evaluations:
         shared = self._plan.is_dear and not self._plan.keep_success
         return Stream.EVALUATION if shared else Stream.JUDGING
 
-    def _pairs(self, first: TreePolicy, policy: TreePolicy, most: int, arena: Arena) -> int:
-        """Return the most pairs that start and result may play: those played count again."""
+    def _pairs(
+        self, first: TreePolicy, policy: TreePolicy, most: int, arena: Arena, *, beyond: int = 0
+    ) -> int:
+        """Return the most pairs that start and result may play: those played count again.
+
+        Where episodes are dear ``beyond`` more may be played than is in proportion.
+        """
         plan, seed = self._plan, self._seed(self._fresh)
         more = 2 * most
         if plan.is_dear and self._handover.episodes is None:
-            more = min(more, self._left())
+            more = min(more, self._left() + beyond)
         if plan.seconds is not None:
             self.played.of(first, [0], seed, arena)  # an episode at least, which tells the time
             time = self._seconds_left()

@@ -218,6 +218,7 @@ PAIRS = 5  # for each episode gathered
 STEPS = 10  # of judging for each environment step of the run
 FEW_STEPS = 20_000  # that any run may spend on judging
 FOR_SUCCESS = 1000  # pairs: the standard error of a difference of successes is then half a point
+FEW = 64  # pairs
 STAKE = 0.9  # of the largest
 MARGIN = 0.005  # of the range of returns: how much less a smaller tree may earn
 
@@ -326,15 +327,24 @@ class Duel:
         play: Plays a policy from some starts, all of them fresh.
         most: Most pairs.
         steps: Most steps of both; None for no limit.
+        patience: Pairs after which they play on only while one is clearly ahead; None for all.
     """
 
     def __init__(
-        self, start: TreePolicy, learned: TreePolicy, play: Play, *, most: int, steps: int | None
+        self,
+        start: TreePolicy,
+        learned: TreePolicy,
+        play: Play,
+        *,
+        most: int,
+        steps: int | None,
+        patience: int | None = None,
     ) -> None:
         self._trees = (start, learned)
         self._play = play
         self._left = steps
         self._parts: tuple[list[Evaluation], list[Evaluation]] = ([], [])
+        self.patience = most if patience is None else min(patience, most)
         self.table = new_table(2, most)
         self.steps = 0
 
@@ -385,7 +395,7 @@ def judge(
     shown = bool(verdict.winner)
     wins = shown or (not given and best(duel.table[:, verdict.starts], sizes) == 1)
     if wins and duel.evaluations()[0].successes is not None:
-        duel.extend(min(FOR_SUCCESS, duel.table.shape[1]))
+        duel.extend(min(FOR_SUCCESS, duel.patience))
     found = judged(*duel.evaluations(), known=known, challengers=challengers, sizes=sizes)
     if wins and (found.success_change or 0.0) < -handover.success_margin:
         why = FAILS_MORE
@@ -417,12 +427,15 @@ def _rule(
     handover: Handover, duel: Duel, sizes: tuple[int, int], known: tuple[float, float] | None
 ) -> NotWorse:
     """Return the rule: a tree as large as the start, or larger, has to earn more."""
-    most = duel.table.shape[1]
-    if sizes[1] >= sizes[0]:
-        return Better(error=handover.error, most=most, known=known)
-    duel.extend(min(FEWEST // 3, most))
+    most = {"most": duel.table.shape[1], "patience": duel.patience}
+    smaller = sizes[1] < sizes[0]
+    if smaller:
+        duel.extend(min(FEWEST // 3, duel.patience))
     low, high = seen_range(duel.table, known)
-    margin = MARGIN * (high - low)
-    # Most of two near trees' returns are equal: what shows that soonest is a large stake.
-    stake = STAKE / (high - low - margin) if high > low else None
-    return NotWorse(margin=margin, error=handover.error, most=most, known=known, stake=stake)
+    margin = MARGIN * (high - low) if smaller else 0.0
+    # Most of two near trees' returns are equal, and few pairs show only what is plain: what shows
+    # either soonest is a large stake.
+    large = (smaller or duel.patience <= FEW) and high > low
+    stake = STAKE / (high - low - margin) if large else None
+    rule = NotWorse if smaller else Better
+    return rule(margin=margin, error=handover.error, known=known, stake=stake, **most)
