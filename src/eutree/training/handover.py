@@ -413,7 +413,7 @@ def judge(
 
 EARNS_MORE = "it is shown to earn more"
 NO_LESS = "it is smaller and shown to earn no less"
-EARNED_MORE = "nobody has given the start, and in these episodes it earned more"
+EARNED_MORE = "nobody has given the start, and in these episodes it did better"
 NOT_SHOWN = "these episodes could not show that the learned tree earns more"
 NOT_SHOWN_SMALLER = (
     "these episodes could not show that the learned tree, which is smaller, earns no less"
