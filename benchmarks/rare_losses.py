@@ -21,15 +21,17 @@ import eutree
 from eutree.evaluation.evaluation import wilson_interval
 
 STEPS, SAFE, RISKY = 3, 0.9, 1.0
+DECLARED = "declared"
+KINDS = {DECLARED: None, "seen": None, "seen, 600 pairs": 600}  # of knowing the range: most pairs
 KNOWING = 20_000  # observations by which the share of an action is known
 HEAD = """# Rare losses: what is handed over
 
-Made by `{command}`: {runs} runs of `planning` a row, seeds from {first}, {episodes} episodes each,
-from 15 demonstrations of the action that pays 0.9 in each of three steps. The other action pays
-1.0, and loses what the row says: on average it is worse. *Worse*: the policy handed over truly
-earns less than the start. *Learned worse*: the learned tree does, which is kept beside. *Covered*:
-the interval of `against_start` holds the truth, of those runs whose learned tree is not the start.
-Wilson's 95 % intervals.
+Made by `python benchmarks/rare_losses.py`: {runs} runs of `planning` a row, seeds from {first},
+{episodes} episodes each, from 15 demonstrations of the action that pays 0.9 in each of three steps.
+The other action pays 1.0, and loses what the row says: on average it is worse. *600 pairs*: with
+`judge_episodes=600`. *Worse*: the policy handed over truly earns less than the start. *Learned
+worse*: the learned tree does, which is kept beside. *Covered*: the interval of `against_start` holds
+the truth, of those runs whose learned tree is not the start. Wilson's 95 % intervals.
 
 | loss | range of returns | worse | learned worse | covered | start handed over |
 |---|---|---|---|---|---|
@@ -81,11 +83,13 @@ class Ended:
     is_start: bool
 
 
-def run(env: gymnasium.Env[Any, Any], episodes: int, seed: int) -> Ended:
+def run(env: gymnasium.Env[Any, Any], episodes: int, judged: int | None, seed: int) -> Ended:
     """Return how a run ends."""
     shown = eutree.record(env, lambda observation: 0, episodes=15, seed=seed)
     options = {"evaluate_every": episodes, "evaluation_episodes": 2, "method": "planning"}
-    result = eutree.learn(env, demonstrations=shown, episodes=episodes, seed=seed, **options)
+    result = eutree.learn(
+        env, demonstrations=shown, episodes=episodes, judge_episodes=judged, seed=seed, **options
+    )
     policies = result.first, result.learned, result.policy
     start, learned, found = (env.unwrapped.truth(one) for one in policies)
     judgement, covered = result.against_start, None
@@ -110,17 +114,18 @@ def main() -> None:
     parser.add_argument("--episodes", type=int, default=120)
     parser.add_argument("--out", type=Path, help="page to write")
     options = parser.parse_args()
-    command = f"python benchmarks/rare_losses.py --runs {options.runs} --first {options.first}"
-    page = HEAD.format(command=command, **vars(options))
-    for declares in (True, False):
+    page = HEAD.format(**vars(options))
+    for kind, judged in KINDS.items():
         for loss, chance in ((60.0, 0.004), (30.0, 0.01), (600.0, 0.0004)):
-            env = gymnasium.make("RareLosses-v0", loss=loss, chance=chance, declares=declares)
+            env = gymnasium.make(
+                "RareLosses-v0", loss=loss, chance=chance, declares=kind == DECLARED
+            )
             seeds = range(options.first, options.first + options.runs)
-            ended = [run(env, options.episodes, seed) for seed in seeds]
+            ended = [run(env, options.episodes, judged, seed) for seed in seeds]
             covered = [one.covered for one in ended if one.covered is not None]
             cells = (
                 f"{loss - RISKY:g} at {chance:g}",
-                "declared" if declares else "seen",
+                kind,
                 share([one.worse for one in ended]),
                 share([one.learned_worse for one in ended]),
                 share(covered),
