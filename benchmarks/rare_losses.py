@@ -30,8 +30,8 @@ Made by `python benchmarks/rare_losses.py`: {runs} runs of `planning` a row, see
 {episodes} episodes each, from 15 demonstrations of the action that pays 0.9 in each of three steps.
 The other action pays 1.0, and loses what the row says: on average it is worse. *600 pairs*: with
 `judge_episodes=600`. *Worse*: the policy handed over truly earns less than the start. *Learned
-worse*: the learned tree does, which is kept beside. *Covered*: the interval of `against_start` holds
-the truth, of those runs whose learned tree is not the start. Wilson's 95 % intervals.
+worse*: the learned tree does, which is kept beside. *Covered*: the interval of `against_start`
+holds the truth, of those runs whose learned tree is not the start. Wilson's 95 % intervals.
 
 | loss | range of returns | worse | learned worse | covered | start handed over |
 |---|---|---|---|---|---|
