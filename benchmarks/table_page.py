@@ -327,7 +327,7 @@ leaves in 500 k, 255.5 with 32, five runs, by two [derived features](../derived-
 
 | missed | reached | tried |
 |---|---|---|
-| MountainCar -98.5 with 5 leaves | -98.7 in 500 k, -98.6 in a million, ten runs each; with at \
+| MountainCar -98.5 with 5 leaves | -98.7 in 500 k, ten runs; -98.6 in a million; with at \
 most 8 -98.0 | [searches with the true dynamics](../decisions/racing.md) end at -98.65 with 5 \
 leaves, nine of ten: no tree that earns -98.5 is known; the tree of 8 copied by DAgger; [sets of \
 actions](../decisions/labels-as-sets.md) as labels: -101.9 |
