@@ -91,17 +91,18 @@ def annealed_together(
     generator, allowed = rollouts[0].generator, improvement.max_leaves
     spare = max(n_leaves(one.policy) for one in rollouts) - allowed
     price, best = improvement.price * scale, [(-np.inf, one.policy) for one in rollouts]
-    sizes: dict[int, list[Variation]] = {}
+    widest = allowed + max(0, spare)
+    variations = [Variation(one.n_actions, widest, generator) for one in rollouts]
     for k in range(changes):
         limit = allowed + max(0, spare - int((spare + 1) * k / (FALL * changes)))
-        if limit not in sizes:
-            sizes = {limit: [Variation(one.n_actions, limit, generator) for one in rollouts]}
         temperature = HOT_LEAVES / allowed * scale * (1.0 - k / changes) ** 3
-        for i, (one, variation) in enumerate(zip(rollouts, sizes[limit], strict=True)):
+        for i, (one, variation) in enumerate(zip(rollouts, variations, strict=True)):
             if n_leaves(one.policy) > limit:
                 replace(improvement, max_leaves=limit).cut(one)
             mate = rollouts[int(generator.integers(len(rollouts)))].policy
-            _try(one, variation.of(one.policy, one.observations, mate), price, temperature)
+            challenger = variation.of(one.policy, one.observations, mate)
+            if challenger is not None and n_leaves(challenger) <= limit:
+                _try(one, challenger, price, temperature)
             if limit == allowed and one.mean_return > best[i][0]:
                 best[i] = one.mean_return, one.policy
     return [policy for _, policy in best]

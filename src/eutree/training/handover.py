@@ -15,15 +15,7 @@ from typing import Any, Literal
 import msgspec
 
 from eutree.arrays import Floats
-from eutree.contests import (
-    Better,
-    NextEpisodes,
-    NotWorse,
-    best,
-    hold,
-    missing,
-    new_table,
-)
+from eutree.contests import Better, NextEpisodes, NotWorse, best, hold, missing, new_table
 from eutree.contests.table import seen_range
 from eutree.display import counted, fixed
 from eutree.evaluation import Evaluation, Interval, against
@@ -175,7 +167,7 @@ class Judgement:
         words = f"handed over: {taken.describe()} of {self.episodes:,}; {name}: {other.describe()}"
         if self.handed_over == START:
             words += f". The start is handed over: {self.why}"
-        if self.why == EARNED_MORE:
+        if self.why == DID_BETTER:
             words += f". The learned tree is handed over: {self.why}"
         return f"{words}. {AS_LEARNED}" if self.why == AS_LEARNED else words
 
@@ -397,37 +389,37 @@ def judge(
     if wins and duel.evaluations()[0].successes is not None:
         duel.extend(min(FOR_SUCCESS, duel.patience))
     found = judged(*duel.evaluations(), known=known, challengers=challengers, sizes=sizes)
-    if wins and (found.success_change or 0.0) < -handover.success_margin:
-        why = FAILS_MORE
-    elif sizes[1] < sizes[0]:
-        why = NO_LESS if shown else NOT_SHOWN_SMALLER
-    else:
-        why = EARNS_MORE if shown else NOT_SHOWN
-    if wins and why in (NOT_SHOWN, NOT_SHOWN_SMALLER):
-        why = EARNED_MORE
+    smaller = sizes[1] < sizes[0]
     if handover.max_leaves is not None and sizes[0] > handover.max_leaves:
         why = TOO_LARGE
+    elif wins and (found.success_change or 0.0) < -handover.success_margin:
+        why = FAILS_MORE
+    elif shown:
+        why = NO_LESS if smaller else EARNS_MORE
+    elif wins:
+        why = DID_BETTER
+    else:
+        why = NOT_SHOWN_SMALLER if smaller else NOT_SHOWN
     taken = LEARNED if why in _TAKEN else START
     return replace(found, steps=duel.steps, handed_over=taken, why=why)
 
 
 EARNS_MORE = "it is shown to earn more"
 NO_LESS = "it is smaller and shown to earn no less"
-EARNED_MORE = "nobody has given the start, and in these episodes it did better"
+DID_BETTER = "nobody has given the start, and in these episodes it did better"
 NOT_SHOWN = "these episodes could not show that the learned tree earns more"
 NOT_SHOWN_SMALLER = (
     "these episodes could not show that the learned tree, which is smaller, earns no less"
 )
 FAILS_MORE = "the learned tree succeeds less often"
 TOO_LARGE = "the start has more leaves than were asked for"
-_TAKEN = (EARNS_MORE, NO_LESS, EARNED_MORE, TOO_LARGE)
+_TAKEN = (EARNS_MORE, NO_LESS, DID_BETTER, TOO_LARGE)
 
 
 def _rule(
     handover: Handover, duel: Duel, sizes: tuple[int, int], known: tuple[float, float] | None
 ) -> NotWorse:
     """Return the rule: a tree as large as the start, or larger, has to earn more."""
-    most = {"most": duel.table.shape[1], "patience": duel.patience}
     smaller = sizes[1] < sizes[0]
     if smaller:
         duel.extend(min(FEWEST // 3, duel.patience))
@@ -437,5 +429,11 @@ def _rule(
     # either soonest is a large stake.
     large = (smaller or duel.patience <= FEW) and high > low
     stake = STAKE / (high - low - margin) if large else None
-    rule = NotWorse if smaller else Better
-    return rule(margin=margin, error=handover.error, known=known, stake=stake, **most)
+    return (NotWorse if smaller else Better)(
+        margin=margin,
+        error=handover.error,
+        most=duel.table.shape[1],
+        known=known,
+        stake=stake,
+        patience=duel.patience,
+    )
