@@ -121,4 +121,5 @@ def transitions_of(history: History, n_actions: int) -> Transitions:
         history.entered == TERMINAL,
         episodes + np.cumsum(gaps),
         n_actions,
+        allowed=history.columns.get("allowed"),
     )

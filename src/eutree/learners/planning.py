@@ -53,7 +53,7 @@ from eutree.schema import Schema
 from eutree.trees import DecisionTree
 from eutree.trees.edit import graft
 from eutree.validation import check_amounts, check_number
-from eutree.world_model import ActionTree, PairedRollouts, Transitions
+from eutree.world_model import ActionTree, PairedRollouts, Transitions, countable
 from eutree.world_model.action_trees import from_decision_tree, packed, to_decision_tree
 from eutree.world_model.transitions import seen_as
 
@@ -150,6 +150,7 @@ class ModelPlanning:
         self.actions = np.array(actions)
         self.n_actions = problem.n_actions
         self._derivation = Derivation.of(problem.schema)
+        self._counts = countable(problem.schema)
         self.method = method
         self.plan = Planned(from_decision_tree(self.tree, actions))
         room = method.max_transitions  # of whole episodes: a planner needs them
@@ -160,6 +161,7 @@ class ModelPlanning:
         self._locked = frozenset(locked)  # leaves that stay as they are, without exploration
         self._steps = EpisodeBuffer()
         self._acting: ActionTree | None = None
+        self._tried: set[tuple[bytes, int]] = set()  # by an explorer, in the present episode
         if start.episodes:
             self.add_demonstrations(start.episodes)
 
@@ -185,6 +187,7 @@ class ModelPlanning:
     def start_episode(self, observation: Floats, generator: np.random.Generator) -> None:
         """Begin an episode at its first observation, shape [d]; choose who acts in it."""
         self._steps.start(observation, generator)
+        self._tried.clear()
         plan, method = self.plan, self.method
         blind = not self._informed and (plan.explorer is None or plan.knows_nothing)
         unguided = blind and plan.challenger is None
@@ -192,7 +195,7 @@ class ModelPlanning:
         self._proves_itself = method.planner.incumbent_acts(plan)
         actor = plan.incumbent if self._proves_itself else plan.evaluated
         self._exploration = 0.0
-        if self._explores and blind:
+        if self._explores and blind and not (self._counts and plan.explorer is not None):
             actor = self._random_tree(generator)
             self._exploration = float(generator.random() < _AT_RANDOM)
         elif self._explores:
@@ -224,7 +227,20 @@ class ModelPlanning:
                 return int(self.actions[leaf])
         if self._exploration > 0.0 and self._steps.generator.random() < self._exploration:
             return random_action(self._steps.generator, self.n_actions, allowed)
-        return self._actor.act(self._steps.present.tolist(), allowed)
+        action = self._actor.act(self._steps.present.tolist(), allowed)
+        if self._explores and self._counts and self._has_tried(action):
+            return random_action(self._steps.generator, self.n_actions, allowed)
+        return action
+
+    def _has_tried(self, action: int) -> bool:
+        """Return whether this episode knows the action here already, and note it.
+
+        The explorer learns nothing within an episode, and would try the same for ever.
+        """
+        pair = self._steps.present.tobytes(), action
+        known = pair in self._tried
+        self._tried.add(pair)
+        return known
 
     def observe(self, step: Step) -> None:
         """Take a step."""
@@ -287,7 +303,8 @@ class ModelPlanning:
         return arrays_of(self, self.method.parts)
 
     def _known(self) -> Transitions:
-        return seen_as(self._derivation, transitions_of(self.history, self.n_actions))
+        known = seen_as(self._derivation, transitions_of(self.history, self.n_actions))
+        return replace(known, counted=self._counts)
 
     def _adopt(self, tree: DecisionTree, actions: Integers) -> None:
         """Let another tree decide, but where leaves are locked in the present one."""

@@ -17,7 +17,13 @@ from eutree.contests.rules import lead_apart
 from eutree.policy_search.climbing import luckiest, restarts
 from eutree.policy_search.improvement import Improvement
 from eutree.validation import check_amounts, check_number
-from eutree.world_model import ActionTree, PairedRollouts, Transitions, fit_world_models
+from eutree.world_model import (
+    ActionTree,
+    PairedRollouts,
+    Transitions,
+    WorldModel,
+    fit_world_models,
+)
 from eutree.world_model.action_trees import n_leaves
 
 FEWEST_ROLLOUTS = 100  # episodes
@@ -193,9 +199,13 @@ class Planner:
             if not won and self._deserves(plan, plan.challenger, data, pessimistic):
                 won = plan.challenger_episodes[-self.memory :]
             plan = plan.with_adopted(won) if won else plan
-        base = plan.corrected or plan.explorer or plan.incumbent
-        explorer = self.improvement.improve(optimistic, base, scale, begin=plan.knows_nothing)
-        guide = explorer if self._explorers_lead(plan, data) else None
+        guide: ActionTree | None
+        if known.counted:
+            explorer, guide = self._by_counts(known, pessimistic)
+        else:
+            base = plan.corrected or plan.explorer or plan.incumbent
+            explorer = self.improvement.improve(optimistic, base, scale, begin=plan.knows_nothing)
+            guide = explorer if self._explorers_lead(plan, data) else None
         challenger = self._challenger(replace(plan, explorer=guide), known, pessimistic)
         taken = pessimistic.n_steps_taken + optimistic.n_steps_taken
         return replace(
@@ -216,7 +226,7 @@ class Planner:
         if not n or len(own) < _FEW_OWN or lead.mean <= _CLEARLY * lead.error:
             return plan
         as_shown = data.until(int(np.searchsorted(data.episodes, n)))
-        (world,) = fit_world_models(as_shown, (self.optimism,))
+        (world,) = _worlds(as_shown, (self.optimism,))
         imagined = PairedRollouts(world, self.n_explorer_episodes, 1.0, generator)
         imagined.redraw()
         imagined.run(plan.incumbent)
@@ -243,8 +253,19 @@ class Planner:
         affordable = self._affordable(known)
         return [
             PairedRollouts(model, min(affordable, n), self.discount, generator)
-            for model, n in zip(fit_world_models(known, levels), most, strict=True)
+            for model, n in zip(_worlds(known, levels), most, strict=True)
         ]
+
+    def _by_counts(
+        self, known: Transitions, rollouts: PairedRollouts
+    ) -> tuple[ActionTree, ActionTree]:
+        """Return an explorer, of what was seldom tried, and what is best, cut to size."""
+        from eutree.policy_search import cells  # and a solver: few runs count
+
+        rollouts.redraw()
+        rollouts.run(cells.best_by_counts(known, self.discount))
+        self.improvement.cut(rollouts)
+        return cells.curious_by_counts(known), rollouts.policy
 
     def _affordable(self, data: Transitions) -> int:
         """Return how many rollouts to make, were they as long as the stored ones."""
@@ -336,3 +357,12 @@ class Planner:
         lucky = luckiest(known, pessimistic.generator, max_leaves=_FIRST_LEAVES) if begin else None
         is_new = lucky is not None and not np.array_equal(lucky.action, plan.incumbent.action)
         return lucky if is_new else None
+
+
+def _worlds(known: Transitions, levels: tuple[float, ...]) -> tuple[WorldModel, ...]:
+    """Return a world model for each level of pessimism; one that counts has none."""
+    if known.counted:
+        from eutree.world_model.counted import fit_counted_world
+
+        return tuple(fit_counted_world(known) for _ in levels)
+    return fit_world_models(known, levels)

@@ -7,17 +7,27 @@ from eutree.world_model._kernels import ActionTree
 from eutree.world_model._kernels import leaf_node as leaf_node  # for the loops of other packages
 
 if TYPE_CHECKING:
+    from eutree.world_model.counted import fit_counted_world
     from eutree.world_model.dynamics import WorldModel, fit_world_models
     from eutree.world_model.rollouts import PairedRollouts
-    from eutree.world_model.transitions import Transitions
+    from eutree.world_model.transitions import Transitions, countable
 
-__all__ = ["ActionTree", "PairedRollouts", "Transitions", "WorldModel", "fit_world_models"]
+__all__ = [
+    "ActionTree",
+    "PairedRollouts",
+    "Transitions",
+    "WorldModel",
+    "countable",
+    "fit_counted_world",
+    "fit_world_models",
+]
 
 __getattr__ = lazily(
     __name__,
     {
+        "eutree.world_model.counted": "fit_counted_world",
         "eutree.world_model.dynamics": "WorldModel fit_world_models",
         "eutree.world_model.rollouts": "PairedRollouts",
-        "eutree.world_model.transitions": "Transitions",
+        "eutree.world_model.transitions": "Transitions countable",
     },
 )

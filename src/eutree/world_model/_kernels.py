@@ -46,6 +46,7 @@ class World(NamedTuple):
     noise: Integers  # [L, 3] first residual, number of residuals, coefficients up to the last not 0
     residuals: Floats  # [K]
     formulas: Formulas  # of the derived features
+    apart: int  # 1: each displacement draws its residual; 0: one draw, of the same row in all
     tally: Integers  # [1] steps taken in it so far
 
 

@@ -152,7 +152,7 @@ def move(world: World, draws: Floats, lanes: Lanes, n: int) -> None:
     for i in range(d):
         for k in range(n):
             row = rows[nodes[i, k]]
-            pick = int(draws[(at[k] + i) & mask] * noise[row, 1])
+            pick = int(draws[(at[k] + i * world.apart) & mask] * noise[row, 1])
             moves[k, i] = fitted(lines, noise, row, states, k) + residuals[noise[row, 0] + pick]
     # Only now: all displacements were asked of the state before the step.
     for k in range(n):

@@ -216,6 +216,7 @@ class WorldModel:
         starts: First observations of the stored episodes.
         horizon: Steps after which a rollout is cut.
         n_actions: Number of actions.
+        n_hidden: Numbers behind each observation that no policy sees.
     """
 
     trees: tuple[ModelTree, ...]  # [d + 5]
@@ -223,6 +224,12 @@ class WorldModel:
     starts: Floats  # [E, d]
     horizon: int
     n_actions: int
+    n_hidden: int = 0
+
+    @property
+    def n_features(self) -> int:
+        """Number of features d of an observation."""
+        return int(self.starts.shape[1]) - self.n_hidden
 
     @property
     def n_steps_taken(self) -> int:
@@ -265,7 +272,7 @@ def fit_world_models(
             for tree, sign in ends
         ]
         trees = (*moves, *rewards, *seen)
-        world = _unrolled(trees, data.derivation, data.n_actions)
+        world = unrolled(trees, data.derivation, data.n_actions)
         models.append(WorldModel(trees, world, starts, data.horizon(), data.n_actions))
     return tuple(models)
 
@@ -351,7 +358,7 @@ def _grow(
     return tree._replace(residuals=residuals)
 
 
-def _unrolled(trees: Sequence[ModelTree], derivation: Derivation, n_actions: int) -> World:
+def unrolled(trees: Sequence[ModelTree], derivation: Derivation, n_actions: int) -> World:
     """Return the trees of each action in common arrays: tests of the action are decided."""
     room = n_actions * sum(tree.feature.size for tree in trees)
     p = trees[0].coefficients.shape[1] - 1 - n_actions
@@ -375,7 +382,7 @@ def _unrolled(trees: Sequence[ModelTree], derivation: Derivation, n_actions: int
     residuals = np.concatenate([tree.residuals for tree in trees])
     tests = NodeTests._make(array[:n_nodes] for array in out.tests)
     lines, noise = out.lines[:n_lines], out.noise[:n_lines]
-    rest = residuals, formulas_of(derivation), np.zeros(1, dtype=np.int64)
+    rest = residuals, formulas_of(derivation), 1, np.zeros(1, dtype=np.int64)
     return World(roots, levels, tests, out.rows[:n_nodes], lines, noise, *rest)
 
 

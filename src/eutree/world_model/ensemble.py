@@ -146,6 +146,11 @@ class Ensemble:
     derivation: Derivation  # how derived features are computed
 
     @property
+    def n_features(self) -> int:
+        """Number of features d of an observation."""
+        return int(self.starts.shape[1])
+
+    @property
     def world(self) -> EnsembleWorld:
         """The members as the compiled loops take them, no step taken yet."""
         networks = [_filled_up(network_of(row, *self.size)) for row in self.weights]

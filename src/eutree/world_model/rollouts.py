@@ -53,6 +53,7 @@ class Rollouts(ABC):
     ) -> None:
         self.generator = generator
         self.n_actions = model.n_actions
+        self._n_seen = model.n_features
         self._n_features = n_features = model.starts.shape[1]
         horizon = model.horizon
         room = n_episodes * horizon
@@ -113,7 +114,7 @@ class Rollouts(ABC):
         _kernels.bucket(self.node, self._begin, self._steps)
 
     def _look(self) -> None:
-        self._observations = self._episodes.states[: self.n_steps, : self._n_features]
+        self._observations = self._episodes.states[: self.n_steps, : self._n_seen]
 
     def values_at(self, node: int, feature: int) -> Floats:
         """Return the sorted values of a feature among the steps whose path visits a node."""

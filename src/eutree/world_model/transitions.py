@@ -1,5 +1,6 @@
 """Stored transitions as a world model and a planner see them."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -9,8 +10,18 @@ import numpy as np
 from eutree.arrays import Booleans, Floats, Integers
 from eutree.data import Episode
 from eutree.features import Derivation
+from eutree.schema import Schema
 
 NOTHING_DERIVED = Derivation(0)
+MOST_CELLS = 1024  # that are counted
+
+
+def countable(schema: Schema) -> bool:
+    """Return whether observations are whole numbers of a few combinations, none derived."""
+    if any(one.formula or not one.is_integer for one in schema.features):
+        return False
+    sizes = [one.high - one.low + 1.0 for one in schema.features]
+    return math.prod(sizes) <= MOST_CELLS
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,6 +38,8 @@ class Transitions:
         n_actions: Number of actions A.
         memory: Whether the displacement before each transition is to be known.
         derivation: How the derived features among those of an observation are computed.
+        allowed: Which actions were allowed; None where that is not known.
+        counted: Whether observations are one of a few codes, to be counted.
     """
 
     observations: Floats  # [N, d]
@@ -38,6 +51,8 @@ class Transitions:
     n_actions: int
     memory: bool = True
     derivation: Derivation = NOTHING_DERIVED
+    allowed: Booleans | None = None  # [N, A]
+    counted: bool = False
 
     @classmethod
     def of(cls, episodes: Sequence[Episode], n_actions: int) -> "Transitions":
@@ -160,7 +175,7 @@ class Transitions:
         return self._of(slice(n))
 
     def followed_by(self, episodes: Sequence[Episode]) -> "Transitions":
-        """Return these transitions and those of further episodes."""
+        """Return these transitions and those of further episodes, without what was allowed."""
         kept = [episode for episode in episodes if len(episode)]
         number = int(self.episodes[-1]) + 1 if self.episodes.size else 0
         ends = [np.arange(len(e)) == (len(e) - 1 if e.terminated else -1) for e in kept]
@@ -174,13 +189,15 @@ class Transitions:
                 [self.next_observations, *(e.observations[1:] for e in kept)]
             ),
             terminated=np.concatenate([self.terminated, *ends]),
+            allowed=None,
             episodes=np.concatenate([self.episodes, *numbers]),
         )
 
     def _of(self, rows: slice | Booleans) -> "Transitions":
         names = ("observations", "actions", "rewards", "next_observations", "terminated",
                  "episodes")  # fmt: skip
-        return replace(self, **{name: getattr(self, name)[rows] for name in names})
+        allowed = None if self.allowed is None else self.allowed[rows]
+        return replace(self, allowed=allowed, **{name: getattr(self, name)[rows] for name in names})
 
 
 def seen_as(derivation: Derivation, data: Transitions) -> Transitions:
