@@ -10,8 +10,7 @@ import numpy as np
 
 from eutree.arrays import Booleans, Floats, Integers
 from eutree.c45 import C45Settings, grow
-from eutree.mdp.counts import TransitionCounts
-from eutree.mdp.solver import TERMINAL, solve
+from eutree.mdp import TERMINAL, TransitionCounts, solve
 from eutree.world_model import ActionTree, Transitions
 from eutree.world_model.action_trees import from_decision_tree
 from eutree.world_model.counted import Steps

@@ -362,7 +362,7 @@ class Planner:
 def _worlds(known: Transitions, levels: tuple[float, ...]) -> tuple[WorldModel, ...]:
     """Return a world model for each level of pessimism; one that counts has none."""
     if known.counted:
-        from eutree.world_model.counted import fit_counted_world
+        from eutree.world_model import fit_counted_world
 
         return tuple(fit_counted_world(known) for _ in levels)
     return fit_world_models(known, levels)
