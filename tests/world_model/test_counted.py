@@ -103,6 +103,25 @@ def test_cells_of_the_same_lottery_are_counted_together_and_others_apart():
     assert deviance(np.array([5.0, 0.0])) == 0.0
 
 
+def test_rewards_of_any_value_are_told_apart_and_drawn_as_they_were():
+    generator = np.random.default_rng(0)
+    rows = [(0, a, generator.normal(a, 0.5), 0, True) for a in (0, 1) for _ in range(300)]
+    data = of_rows(rows, 2)
+    for action in (0, 1):
+        found = imagined(data, packed(action), horizon=3)
+        assert set(found.returns) <= set(data.rewards[data.actions == action])
+        assert found.mean_return == pytest.approx(action, abs=0.1)
+
+
+def test_of_very_many_outcomes_the_rarest_count_as_one(monkeypatch):
+    monkeypatch.setattr("eutree.world_model.counted.MOST_COUNTS", 12)
+    rows = [(s, 0, 0.0, (3 * s + k) % 7, False) for s in range(4) for k in (1, 2, 2, 2)] * 20
+    found = imagined(of_rows(rows, 1), packed(0), horizon=2, start=[1.0])
+    after = found.observations.reshape(-1, 2)[:, 1]
+    assert set(after) <= {1.0 + row[3] - row[0] for row in rows}  # whole displacements
+    assert (after == 5.0).mean() > 0.4
+
+
 def test_what_is_forbidden_does_nothing_and_is_not_tried():
     allowed = np.array([[True, True], [True, False]] * 20)
     rows = [(0, 1, -1.0, 1, False), (1, 0, -1.0, 0, False)] * 20

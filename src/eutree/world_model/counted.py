@@ -24,6 +24,8 @@ from eutree.world_model.transitions import MOST_CELLS, Transitions
 
 MOST_NODES = 8 * MOST_CELLS
 N_HIDDEN = 2  # reward and end, behind the observation
+MOST_REWARDS = 16  # that are told apart as classes
+MOST_COUNTS = 2**19  # numbers of the table of cells and classes
 
 
 class Steps(NamedTuple):
@@ -92,12 +94,12 @@ def _outcomes(steps: Steps, n_actions: int) -> list[ModelTree]:
     drawn = np.column_stack([
         steps.next_observations - steps.observations, steps.rewards, steps.outcome,
     ])  # fmt: skip
-    _, kind = np.unique(drawn, axis=0, return_inverse=True)
     d, width = steps.observations.shape[1], drawn.shape[1]
     keys = np.column_stack([steps.observations, np.eye(n_actions)[steps.actions]])
     cells, owner = np.unique(keys, axis=0, return_inverse=True)
+    kind = _kinds(drawn, MOST_COUNTS // len(cells))
     counts = np.zeros((len(cells), kind.max() + 1))
-    np.add.at(counts, (owner.ravel(), kind.ravel()), 1.0)
+    np.add.at(counts, (owner.ravel(), kind), 1.0)
     tests, leaf = shortest_tree(cells, counts)
     # Behind an observation stand the numbers hidden, then the displacement, then the actions.
     asked = tests[:, 0] >= d
@@ -115,6 +117,25 @@ def _outcomes(steps: Steps, n_actions: int) -> list[ModelTree]:
         residuals = np.ascontiguousarray(drawn[order, i])
         trees.append(_tree(tests, lines)._replace(first=first, n_rows=n_rows, residuals=residuals))
     return trees
+
+
+def _kinds(drawn: Floats, most: int) -> Integers:
+    """Return the class of each outcome [N, d + 2], at most so many: beyond, the rarest are one.
+
+    Many different rewards are classes by their quantiles; what is drawn is each as it was.
+    """
+    alike = drawn.copy()
+    rewards = alike[:, -N_HIDDEN]
+    if len(np.unique(rewards)) > MOST_REWARDS:
+        edges = np.quantile(rewards, np.arange(1, MOST_REWARDS) / MOST_REWARDS)
+        alike[:, -N_HIDDEN] = np.searchsorted(edges, rewards)
+    _, kind, n = np.unique(alike, axis=0, return_inverse=True, return_counts=True)
+    kind = kind.ravel()
+    if n.size <= most:
+        return kind
+    rank = np.empty(n.size, dtype=np.int64)
+    rank[np.argsort(-n, kind="stable")] = np.arange(n.size)
+    return np.minimum(rank[kind], most - 1)
 
 
 class _Node:
