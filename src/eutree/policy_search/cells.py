@@ -13,7 +13,7 @@ from eutree.c45 import C45Settings, grow
 from eutree.mdp import TERMINAL, TransitionCounts, solve
 from eutree.world_model import ActionTree, Transitions
 from eutree.world_model.action_trees import from_decision_tree
-from eutree.world_model.counted import Steps
+from eutree.world_model.counted import CountedSteps
 
 PRECISION = 1e-5  # below which two actions are worth the same, in parts of the largest reward
 ENOUGH = 5  # trials
@@ -72,7 +72,7 @@ class _Counted(NamedTuple):
 
     @classmethod
     def of(cls, data: Transitions, enough: int) -> "_Counted":
-        steps = Steps.of(data)
+        steps = CountedSteps.of(data)
         places = np.concatenate([steps.observations, steps.next_observations])
         cells, state = np.unique(places, axis=0, return_inverse=True)
         before, after = state.reshape(2, -1)

@@ -28,7 +28,7 @@ MOST_REWARDS = 16  # that are told apart as classes
 MOST_COUNTS = 2**19  # numbers of the table of cells and classes
 
 
-class Steps(NamedTuple):
+class CountedSteps(NamedTuple):
     """Transitions, and after them a row for each action that some observation forbids."""
 
     observations: Floats  # [N, d]
@@ -39,7 +39,7 @@ class Steps(NamedTuple):
     outcome: Floats  # [N] that of ``Transitions``
 
     @classmethod
-    def of(cls, data: Transitions) -> "Steps":
+    def of(cls, data: Transitions) -> "CountedSteps":
         """Return the steps of transitions; what is forbidden does nothing, at the least reward.
 
         It was never tried, and must look neither like what it does elsewhere nor worth a trial.
@@ -66,7 +66,7 @@ def fit_counted_world(data: Transitions) -> WorldModel:
     reward[d] = 1.0
     paid = _tree(np.array([[-1.0, 0.0, 0.0, 0.0]]), reward[np.newaxis])
     ends = [_end(width, n_actions, sign) for sign in (1.0, -1.0)]
-    trees = (*_outcomes(Steps.of(data), n_actions), paid, paid, paid, *ends)
+    trees = (*_outcomes(CountedSteps.of(data), n_actions), paid, paid, paid, *ends)
     world = unrolled(trees, data.derivation, n_actions)._replace(apart=0)
     starts = np.pad(data.observations[data.first], ((0, 0), (0, N_HIDDEN)))
     return WorldModel(trees, world, starts, data.horizon(), n_actions, N_HIDDEN)
@@ -89,7 +89,7 @@ def _end(width: int, n_actions: int, sign: float) -> ModelTree:
     return _tree(np.array([[width - 1, 0.5 * sign, 1, 2], [-1, 0, 0, 0], [-1, 0, 0, 0]]), lines)
 
 
-def _outcomes(steps: Steps, n_actions: int) -> list[ModelTree]:
+def _outcomes(steps: CountedSteps, n_actions: int) -> list[ModelTree]:
     """Return a tree for each number of an outcome: the same tests, and residuals row by row."""
     drawn = np.column_stack([
         steps.next_observations - steps.observations, steps.rewards, steps.outcome,
