@@ -54,6 +54,19 @@ def test_teacher_model_and_races_are_told(folder):
     assert page.count('class="point"') == 5
 
 
+def test_a_start_of_one_leaf_is_called_so_as_the_command_does(folder):
+    start = {"n_leaves": 1, "mean_return": 1.0, "return_interval": [0.0, 2.0], "worst": 0.0,
+             "quantile_05": 0.0, "success_rate": None, "success_interval": None}  # fmt: skip
+    facts = {"event": "judgement", "episodes_compared": 40, "return": 8.0, "steps": 900,
+             "return_interval": [7.0, 9.0], "learned": {**start, "n_leaves": 5}}  # fmt: skip
+    for n_leaves, named in ((1, "a single leaf"), (5, "the tree that it started from")):
+        judged = {**facts, "start": {**start, "n_leaves": n_leaves}}
+        with (folder / "events.jsonl").open("a") as log:
+            log.write(json.dumps(judged) + "\n")
+        (verdict,) = report_of_run(folder).verdict
+        assert f"against {named}, on 40 episodes" in verdict
+
+
 def test_the_page_says_how_the_policy_did_at_the_end(folder):
     facts = {"event": "evaluation", "steps": 900, "n_leaves": 9, "mean_length": 20.0}
     early = {**facts, "episode": 20, "success_rate": 0.5, "mean_return": 30.0}

@@ -155,5 +155,7 @@ def test_a_method_that_asks_for_no_judgement_says_so_where_it_hands_over_what_is
 
 def test_one_pair_is_one_episode_and_no_end_of_an_interval_is_a_negative_zero():
     found = judged(evaluation([5.0]), evaluation([5.0]))
-    words = found.describe("the start")
-    assert words.startswith("return +0.0 [0.0, 0.0] against the start, on 1 episode of their own")
+    words = found.describe(5)
+    assert words.startswith(
+        "return +0.0 [0.0, 0.0] against the tree that it started from, on 1 episode of their own"
+    )

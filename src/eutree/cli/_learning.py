@@ -144,8 +144,7 @@ def _against_start(result: "LearningResult") -> str:
     """Return the gain over the start, to follow other words; nothing if that is not known."""
     if result.against_start is None:
         return ""
-    start = "a single leaf" if result.first.n_leaves == 1 else "the tree that it started from"
-    return f"; {result.against_start.describe(start)}"
+    return f"; {result.against_start.describe(result.first.n_leaves)}"
 
 
 def run_many(

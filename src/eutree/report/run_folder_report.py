@@ -76,7 +76,9 @@ def _report(path: Path, config: Event, events: Sequence[Event]) -> RunReport:
         from eutree.training import Judgement
 
         judgement = Judgement.from_facts(judged)
-        sentences = judgement.describe("the tree that it started from"), judgement.verdict()
+        began = judgement.start or policy  # the same where nothing better was found
+        n_leaves = 0 if began is None else began.n_leaves
+        sentences = judgement.describe(n_leaves), judgement.verdict()
         verdict = " ".join(f"{one[0].upper()}{one[1:]}." for one in sentences if one)
     front, picked = _front(path, events)
     return RunReport(

@@ -145,8 +145,9 @@ class Judgement:
         given = {name: facts[said] for name, said in known.items() if said in facts}
         return msgspec.convert(given, cls, strict=False)
 
-    def describe(self, start: str) -> str:
-        """Return the judgement in words; ``start`` names the policy that it began with."""
+    def describe(self, n_leaves: int) -> str:
+        """Return the judgement in words; the run began with a tree of so many leaves."""
+        start = "a single leaf" if n_leaves == 1 else "the tree that it started from"
         if self.is_start:
             tried = f": {counted(self.challengers, 'challenger')} tried" if self.challengers else ""
             return f"nothing better than {start} was found{tried}"
