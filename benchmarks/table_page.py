@@ -46,11 +46,13 @@ def summary(rows: Rows) -> str:
     size = f"; {has:.1f} leaves" if has else ""
     used = np.mean([float(row["used"]) for row in rows])
     left = f", {used:,.0f} steps used" if used < ENOUGH * float(rows[0]["steps"]) else ""
-    spread = f" [{low:.1f}, {high:.1f}], worst {min(returns):.1f}" if len(rows) > 1 else ""
+    digits = 1 if max(map(abs, returns)) >= 1.0 else 2
+    said = [f"{one:.{digits}f}" for one in (np.mean(returns), low, high, min(returns))]
+    spread = f" [{said[1]}, {said[2]}], worst {said[3]}" if len(rows) > 1 else ""
     shares = [float(row["success"]) for row in rows if row["success"]]
     well = f", {np.mean(shares):.1%} succeed" if shares else ""
     few = f" ({len(rows)} seed{'s' * (len(rows) > 1)})" if len(rows) < SEEDS else ""
-    return f"{np.mean(returns):.1f}{spread}{size}{well}{left}{few}"
+    return f"{said[0]}{spread}{size}{well}{left}{few}"
 
 
 def tasks(folder: Path) -> dict[str, tuple[Rows, Rows]]:

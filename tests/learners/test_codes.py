@@ -17,8 +17,8 @@ def learned(env, steps, seed=0):
     return found.policy, eutree.evaluate(found.policy, env, episodes=400, seed=9).returns.mean()
 
 
-def test_a_slippery_lake_is_crossed_as_well_as_can_be():
-    """0.74 is the optimum, and 0.1 was earned by trees of means."""
+def test_a_slippery_lake_is_crossed_nearly_as_well_as_can_be():
+    """0.74 is the optimum, and trees of means earn half of it in more steps."""
     policy, earned = learned(gymnasium.make("FrozenLake-v1"), 12_000)
     assert earned > 0.5
     assert policy.tree.n_leaves <= 12
