@@ -45,7 +45,8 @@ def policy_page(
             last episodes first.
     """
     heading = title or (policy.environment.id if policy.environment else "A decision tree")
-    subtitle = f"{counted(policy.n_leaves, 'leaf')}, {policy.schema.n_features} features"
+    sizes = counted(policy.n_leaves, "leaf"), counted(policy.schema.n_features, "feature")
+    subtitle = ", ".join(sizes)
     subtitle += "".join(f", {words}" for words in _made_with(policy))
     facts = [subtitle, *definitions(policy.tree, policy.schema)]
     facts += [] if certificate is None else [str(certificate)]
