@@ -195,7 +195,7 @@ class ModelPlanning:
         self._proves_itself = method.planner.incumbent_acts(plan)
         actor = plan.incumbent if self._proves_itself else plan.evaluated
         self._exploration = 0.0
-        if self._explores and blind and not (self._counts and plan.explorer is not None):
+        if self._explores and blind and (plan.explorer is None or not self._counts):
             actor = self._random_tree(generator)
             self._exploration = float(generator.random() < _AT_RANDOM)
         elif self._explores:

@@ -4,8 +4,6 @@ Its policy has an action for each cell. As a tree it is large; cut to size it is
 begins that single changes of one action would never reach.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
 from eutree.arrays import Booleans, Floats, Integers
@@ -42,13 +40,12 @@ def _unit(data: Transitions) -> float:
 
 
 def _solved(data: Transitions, discount: float, untried: float | None) -> ActionTree:
-    counted = _Counted.of(data, 1 if untried is None else ENOUGH)
-    model = counted.counts.model()
-    solution = solve(model, discount, untried=untried, horizon=float(data.horizon()))
+    cells, counts = _counted(data, 1 if untried is None else ENOUGH)
+    solution = solve(counts.model(), discount, untried=untried, horizon=float(data.horizon()))
     known = np.flatnonzero(np.isfinite(solution.action_values).any(axis=1))
     values = np.nan_to_num(solution.action_values[known], nan=-np.inf)
     best = values >= values.max(axis=1, keepdims=True) - PRECISION * _unit(data)
-    shown = grow(counted.cells[known], _commonest(best), n_classes=data.n_actions, settings=_WHOLE)
+    shown = grow(cells[known], _commonest(best), n_classes=data.n_actions, settings=_WHOLE)
     return from_decision_tree(*shown.to_decision_tree())
 
 
@@ -64,22 +61,15 @@ def _commonest(best: Booleans) -> Integers:
     return chosen
 
 
-class _Counted(NamedTuple):
-    """Cells, and the transitions between them."""
-
-    cells: Floats  # [S, d]
-    counts: TransitionCounts
-
-    @classmethod
-    def of(cls, data: Transitions, enough: int) -> "_Counted":
-        steps = CountedSteps.of(data)
-        places = np.concatenate([steps.observations, steps.next_observations])
-        cells, state = np.unique(places, axis=0, return_inverse=True)
-        before, after = state.reshape(2, -1)
-        pair = before * data.n_actions + steps.actions
-        n_tried = np.bincount(pair)[pair]
-        kept = (n_tried >= enough) | (np.arange(pair.size) >= data.rewards.size)
-        after = np.where(steps.terminated, TERMINAL, after)
-        columns = (column[kept] for column in (before, steps.actions, steps.rewards, after))
-        counts = TransitionCounts.of(*columns, n_states=len(cells), n_actions=data.n_actions)
-        return cls(cells, counts)
+def _counted(data: Transitions, enough: int) -> tuple[Floats, TransitionCounts]:
+    """Return the cells [S, d], and the transitions between them of what was tried often enough."""
+    steps = CountedSteps.of(data)
+    places = np.concatenate([steps.observations, steps.next_observations])
+    cells, state = np.unique(places, axis=0, return_inverse=True)
+    before, after = state.reshape(2, -1)
+    pair = before * data.n_actions + steps.actions
+    n_tried = np.bincount(pair)[pair]
+    kept = (n_tried >= enough) | (np.arange(pair.size) >= data.rewards.size)
+    after = np.where(steps.terminated, TERMINAL, after)
+    columns = (column[kept] for column in (before, steps.actions, steps.rewards, after))
+    return cells, TransitionCounts.of(*columns, n_states=len(cells), n_actions=data.n_actions)

@@ -364,5 +364,7 @@ def _worlds(known: Transitions, levels: tuple[float, ...]) -> tuple[WorldModel, 
     if known.counted:
         from eutree.world_model import fit_counted_world
 
-        return tuple(fit_counted_world(known) for _ in levels)
+        one = fit_counted_world(known)
+        tallies = np.zeros((len(levels), *one.world.tally.shape), dtype=np.int64)
+        return tuple(replace(one, world=one.world._replace(tally=tally)) for tally in tallies)
     return fit_world_models(known, levels)

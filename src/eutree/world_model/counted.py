@@ -19,7 +19,7 @@ import numpy as np
 from eutree.arrays import Booleans, Floats, Integers
 from eutree.features import threshold_between
 from eutree.world_model._kernels_regression import ModelTree
-from eutree.world_model.dynamics import PRICE, SURE, WorldModel, unrolled
+from eutree.world_model.dynamics import PRICE, SURE, WorldModel, unrolled, without_residuals
 from eutree.world_model.transitions import MOST_CELLS, Transitions
 
 MOST_NODES = 8 * MOST_CELLS
@@ -75,11 +75,7 @@ def fit_counted_world(data: Transitions) -> WorldModel:
 def _tree(tests: Floats, coefficients: Floats) -> ModelTree:
     """Return a tree without noise of tests (feature, threshold, left, right), [M, 4]."""
     feature, left, right = (tests[:, i].astype(np.int64) for i in (0, 2, 3))
-    n = np.full(len(tests), np.inf)
-    none = np.zeros(len(tests), dtype=np.int64)
-    return ModelTree(
-        feature, tests[:, 1].copy(), left, right, coefficients, -n, n, none, none, np.zeros(1)
-    )
+    return without_residuals(feature, tests[:, 1].copy(), left, right, coefficients)
 
 
 def _end(width: int, n_actions: int, sign: float) -> ModelTree:

@@ -293,14 +293,22 @@ def fit_model_tree(X: Floats, y: Floats, *, max_leaves: int, min_leaf: int) -> M
 def _as_tree(ends: TerminationTree, n_actions: int) -> ModelTree:
     """Return a tree of ends in the form of the others; the columns of actions count nothing."""
     m, width = ends.lines.shape
-    nothing = np.zeros(m, dtype=np.int64)
     coefficients = np.zeros((m, width + n_actions))
     coefficients[:, : width - 1], coefficients[:, -1] = ends.lines[:, :-1], ends.lines[:, -1]
+    return without_residuals(ends.feature, ends.threshold, ends.left, ends.right, coefficients)
+
+
+def without_residuals(
+    feature: Integers, threshold: Floats, left: Integers, right: Integers, coefficients: Floats
+) -> ModelTree:
+    """Return a tree [M] that is as its lines [M, p + 1] say, without noise and bounds."""
+    m = feature.size
+    nothing = np.zeros(m, dtype=np.int64)
     return ModelTree(
-        feature=ends.feature,
-        threshold=ends.threshold,
-        left=ends.left,
-        right=ends.right,
+        feature=feature,
+        threshold=threshold,
+        left=left,
+        right=right,
         coefficients=coefficients,
         low=np.full(m, -np.inf),
         high=np.full(m, np.inf),
