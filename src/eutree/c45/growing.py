@@ -183,7 +183,6 @@ class _Grower:
             weight=np.empty(0) if unit else training.weights.copy(),
         )
         self.sorted_values = self.lists.values.copy()  # [lists, N]
-        self.spare = (np.empty_like(self.lists.values), np.empty_like(self.lists.order))
 
     def _sorted(self, continuous: Integers) -> _kernels.Lists:
         """Return all cases as those of one node."""
@@ -282,25 +281,13 @@ class _Grower:
         ends = np.cumsum(np.where(opened, sizes, 0))
         child_starts = (ends - np.where(opened, sizes, 0)).astype(np.int32)
         n_cases = int(ends[-1]) if n_children else 0
-        new_values, new_order = self._room(n_cases)
+        room = len(old.order), n_cases
+        new_values, new_order = np.empty(room), np.empty(room, dtype=np.int32)
         into = _kernels.Children(forks, copy, opened, shared, child_starts)
         _kernels.divide(old, tests, branch, into, new_values, new_order)
-        self.spare = (old.values, old.order)
         starts = np.append(child_starts[opened], n_cases).astype(np.int32)
         self.lists = _kernels.Lists(starts, new_values, new_order)
         return children
-
-    def _room(self, n_cases: int) -> tuple[Floats, Int32s]:
-        """Return lists [lists, n_cases] to write to, in the memory of the last but one level."""
-        values, order = self.spare
-        n_lists = len(order)
-        if n_lists * n_cases > order.size:
-            return np.empty((n_lists, n_cases)), np.empty((n_lists, n_cases), dtype=np.int32)
-        size = n_lists * n_cases
-        return (
-            values.reshape(-1)[:size].reshape(n_lists, n_cases),
-            order.reshape(-1)[:size].reshape(n_lists, n_cases),
-        )
 
     def _copy_unknown(
         self, branch: Int32s, tests: _kernels.Tests, forks: Int32s, share: Floats

@@ -2,6 +2,8 @@
 
 from typing import NamedTuple
 
+import numpy as np
+
 from eutree.arrays import Booleans, Floats, Int32s, Integers
 from eutree.compiled import compiled_later
 
@@ -74,22 +76,22 @@ def append_rows(
         rows.demonstrated[row] = episode.demonstrated
         row += 1
     # The caller has made room for all T rows, so no write above is checked.
-    append_to_lists(rows.left, first, row, left, rows.left_link)
-    append_to_lists(rows.entered, first, row, entered, rows.entered_link)
+    written = np.arange(first, row)
+    append_to_lists(written, rows.left, left, rows.left_link)
+    append_to_lists(written, rows.entered, entered, rows.entered_link)
     return row
 
 
 @compiled_later
 def append_to_lists(
+    rows: Integers,  # [n], ascending
     labels: Int32s,  # [N]
-    first: int,
-    last: int,
     lists: RowLists,
     link: Integers,  # [N]
 ) -> None:
-    """Append rows first..last-1 to the lists of their labels; a negative label has no list."""
+    """Append rows to the lists of their labels; a negative label has no list."""
     head, tail, count = lists.head, lists.tail, lists.counts
-    for row in range(first, last):  # the rows before it are linked, each list in ascending order
+    for row in rows:  # the rows before it are linked, each list in ascending order
         link[row] = NO_ROW
         label = labels[row]
         if label < 0:
@@ -111,51 +113,6 @@ def walk_list(start: int, link: Integers, out: Integers) -> None:
     for i in range(out.size):
         out[i] = row
         row = link[row]
-
-
-@compiled_later
-def split_list(
-    rows: Integers,  # [n], ascending
-    goes_right: Booleans,  # [n]
-    label: int,
-    new_label: int,
-    labels: Int32s,  # [N]
-    lists: RowLists,
-    link: Integers,  # [N]
-) -> None:
-    """Divide the list of ``label`` in two, keeping the ascending order of both."""
-    head, tail, count = lists.head, lists.tail, lists.counts
-    # Counted from 0 again: the first row that a list gets then sets its head.
-    count[label] = 0
-    count[new_label] = 0
-    for i in range(rows.size):  # both lists hold what they are to hold of the rows before
-        row = rows[i]
-        target = new_label if goes_right[i] else label
-        labels[row] = target
-        link[row] = NO_ROW
-        if count[target] == 0:
-            head[target] = row
-        else:
-            link[tail[target]] = row
-        tail[target] = row
-        count[target] += 1
-
-
-@compiled_later
-def one_step_targets(
-    rows: Integers,  # [n]
-    rewards: Floats,  # [N]
-    entered: Int32s,  # [N]
-    values: Floats,  # [L]
-    discount: float,
-    out: Floats,  # [n]
-) -> None:
-    """Write q = r + discount * V(L(o')) (Eq. 2, corrected); V of a terminal state is 0."""
-    for i in range(rows.size):
-        row = rows[i]
-        out[i] = rewards[row]
-        if entered[row] >= 0:
-            out[i] += discount * values[entered[row]]
 
 
 @compiled_later

@@ -115,7 +115,7 @@ class LeafRows:
         """Make the lists from the leaves of all rows."""
         self.lists = _no_rows(n_leaves)
         leaves, link = (self._columns.whole[name] for name in (self._side, self._link))
-        _kernels.append_to_lists(leaves, 0, self._columns.size, self.lists, link)
+        _kernels.append_to_lists(np.arange(self._columns.size), leaves, self.lists, link)
 
     def split(self, leaf: int, new_leaf: int, rows: Integers, goes_right: Booleans) -> None:
         """Give those of a leaf's rows that go right, shape [n], to a new leaf."""
@@ -123,7 +123,9 @@ class LeafRows:
             room = max(new_leaf + 1, 2 * size)
             self.lists = _kernels.RowLists._make(grown(column, room) for column in self.lists)
         leaves, link = (self._columns.whole[name] for name in (self._side, self._link))
-        _kernels.split_list(rows, goes_right, leaf, new_leaf, leaves, self.lists, link)
+        leaves[rows] = np.where(goes_right, new_leaf, leaf)
+        self.lists.counts[[leaf, new_leaf]] = 0  # both are listed anew
+        _kernels.append_to_lists(rows, leaves, self.lists, link)
 
 
 def _no_rows(n_leaves: int) -> _kernels.RowLists:

@@ -9,8 +9,6 @@ repacks the pool when a kernel answers ``NO_ROOM``, before which nothing has bee
 
 from typing import NamedTuple
 
-import numpy as np
-
 from eutree.arrays import Floats, Int32s, Integers
 from eutree.compiled import compiled
 
@@ -43,15 +41,6 @@ class DiscreteTransitions(NamedTuple):
     actions: Int32s  # [N]
     rewards: Floats  # [N]
     next_states: Int32s  # [N]
-
-
-class Successors(NamedTuple):
-    """The distinct successors of each pair p, ascending, from place ``offsets[p]`` on."""
-
-    offsets: Integers  # [S A + 1]
-    keys: Int32s  # [N]
-    counts: Int32s  # [N]
-    sizes: Int32s  # [S A] how many each pair has
 
 
 @compiled
@@ -234,84 +223,6 @@ def repack(
         table[row, CAPACITY] = size + size // 4
         used += size + size // 4
     return used
-
-
-@compiled
-def count_successors(
-    rows: DiscreteTransitions,
-    visits: Integers,  # [S, A]
-    reward_sums: Floats,  # [S, A]
-    out: Successors,
-) -> None:
-    """Count all transitions in linear time, the successors of each pair apart."""
-    n_states, n_actions = visits.shape
-    offsets, keys = out.offsets, out.keys
-    for i in range(rows.states.shape[0]):
-        visits[rows.states[i], rows.actions[i]] += 1
-        reward_sums[rows.states[i], rows.actions[i]] += rows.rewards[i]
-    for pair in range(n_states * n_actions):  # each pair has the places of all its visits
-        offsets[pair + 1] = offsets[pair] + visits[pair // n_actions, pair % n_actions]
-    filled = offsets[:-1].copy()
-    for i in range(rows.states.shape[0]):  # keys[offsets[p]:filled[p]] are those of rows before i
-        pair = rows.states[i] * n_actions + rows.actions[i]
-        keys[filled[pair]] = rows.next_states[i]
-        filled[pair] += 1
-    seen = np.zeros(n_states + 1, np.int32)  # [S + 1] how often each key + 1 was met in the pair
-    for pair in range(n_states * n_actions):  # seen is 0 everywhere
-        start, stop = offsets[pair], offsets[pair + 1]
-        size = 0
-        for i in range(start, stop):  # keys[start:start + size] are the distinct ones before i
-            key = keys[i]
-            seen[key + 1] += 1
-            if seen[key + 1] == 1:
-                keys[start + size] = key
-                size += 1
-        # Only distinct keys are sorted: few, however many transitions there are.
-        keys[start : start + size].sort()
-        for i in range(start, start + size):
-            out.counts[i] = seen[keys[i] + 1]
-            seen[keys[i] + 1] = 0
-        out.sizes[pair] = size
-
-
-@compiled
-def fill_rows(found: Successors, counts: CountArrays) -> int:
-    """Write rows of successors and predecessors from ``count_successors``; return the used size."""
-    table, pool = counts.table, counts.pool
-    offsets, keys, sizes = found.offsets, found.keys, found.sizes
-    n_actions = counts.visits.shape[1]
-    n_states = sizes.shape[0] // n_actions
-    incoming = np.zeros(n_states, np.int32)  # [S] size of each row of predecessors
-    for pair in range(sizes.shape[0]):
-        for i in range(offsets[pair], offsets[pair] + sizes[pair]):
-            if keys[i] != TERMINAL:
-                incoming[keys[i]] += 1
-    used = 0
-    for row in range(table.shape[0]):  # the rows before this one have their places below used
-        state, action = row // (n_actions + 1), row % (n_actions + 1)
-        table[row, START] = used
-        if action == n_actions:
-            table[row, CAPACITY] = incoming[state]
-        else:
-            table[row, CAPACITY] = sizes[state * n_actions + action]
-        used += table[row, CAPACITY]
-    for pair in range(sizes.shape[0]):  # pairs ascend, so rows of predecessors ascend too
-        row = pair // n_actions * (n_actions + 1) + pair % n_actions
-        for i in range(offsets[pair], offsets[pair] + sizes[pair]):
-            _append(table, pool, row, keys[i], found.counts[i])
-            if keys[i] != TERMINAL:
-                back = keys[i] * (n_actions + 1) + n_actions
-                _append(table, pool, back, pair, found.counts[i])
-    return used
-
-
-@compiled
-def _append(table: Int32s, pool: Int32s, row: int, key: int, count: int) -> None:
-    """Write an entry behind the last one of a row."""
-    at = table[row, START] + table[row, SIZE]
-    pool[at, KEY] = key
-    pool[at, COUNT] = count
-    table[row, SIZE] += 1
 
 
 class ModelArrays(NamedTuple):

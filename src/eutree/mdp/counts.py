@@ -82,20 +82,29 @@ class TransitionCounts:
         n_states: int,
         n_actions: int,
     ) -> "TransitionCounts":
-        """Return the counts of all these transitions, made at once in linear time."""
+        """Return the counts of all these transitions, made at once."""
         counts = cls(n_states, n_actions)
         rows = counts._checked(states, actions, rewards, next_states)
-        n_pairs, size = n_states * n_actions, len(rows.states)
-        found = _kernels.Successors(
-            offsets=np.zeros(n_pairs + 1, np.int64),
-            keys=np.empty(size, np.int32),
-            counts=np.empty(size, np.int32),
-            sizes=np.zeros(n_pairs, np.int32),
+        arrays, entered = counts.arrays, rows.next_states.astype(np.int64)
+        pair, n_pairs = (
+            rows.states.astype(np.int64) * n_actions + rows.actions,
+            n_states * n_actions,
         )
-        _kernels.count_successors(rows, counts.arrays.visits, counts.arrays.reward_sums, found)
-        room = 2 * int(found.sizes.sum()) + _FIRST_POOL
-        counts.arrays = counts.arrays._replace(pool=np.zeros((room, 2), np.int32))
-        counts.arrays.counters[_kernels.USED] = _kernels.fill_rows(found, counts.arrays)
+        # Rows of successors, then of predecessors. A key is one more here, as TERMINAL is -1.
+        inner = entered != _kernels.TERMINAL
+        row = np.concatenate([pair + rows.states, entered[inner] * (n_actions + 1) + n_actions])
+        key = np.concatenate([entered, pair[inner]]) + 1
+        found, n = np.unique(row * (n_pairs + 1) + key, return_counts=True)
+        row, key = np.divmod(found, n_pairs + 1)
+        sizes = np.bincount(row, minlength=len(arrays.table))
+        arrays.table[:] = np.column_stack([np.cumsum(sizes) - sizes, sizes, sizes])
+        pool = np.zeros((2 * found.size + _FIRST_POOL, 2), np.int32)
+        pool[: found.size] = np.column_stack([key - 1, n])
+        arrays.counters[_kernels.USED] = found.size
+        arrays.visits[:] = np.bincount(pair, minlength=n_pairs).reshape(n_states, -1)
+        sums = np.bincount(pair, rows.rewards, n_pairs)
+        arrays.reward_sums[:] = sums.reshape(n_states, -1)
+        counts.arrays = arrays._replace(pool=pool)
         return counts
 
     @property

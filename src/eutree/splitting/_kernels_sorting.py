@@ -22,7 +22,7 @@ def sorted_labels(
 
     A key is a coarse, monotone image of the value above the label. Radix sorting the images and
     then repairing the few neighbours with equal images is exact, however much the image loses;
-    where it loses too much (far outliers) the values themselves are radix sorted.
+    where it loses too much (far outliers) the values themselves are compared.
     """
     n = column.size
     # Two passes of 8 bits for small samples: 2^11 counters would cost more than they sort.
@@ -36,14 +36,14 @@ def sorted_labels(
     scale = 0.0
     if low < high:
         if not 1e-290 < 0.5 * high - 0.5 * low < 1e290:
-            return sorted_exactly(column, label, keys, spare, differs)
+            return sorted_exactly(column, label, keys, differs)
         # Two less than all values of the image, so that rounding up stays inside.
         scale = (float(1 << n_bits) - 2.0) / (high - low)
     for j in range(n):  # differences, products and truncation are monotone: so is the image
         keys[j] = (int((column[j] - low) * scale) << LABEL_BITS) | label[j]
     order = radix_sorted(keys, spare, digit, n_digits)
     if not repaired(order, column, entry, differs):
-        return sorted_exactly(column, label, keys, spare, differs)
+        return sorted_exactly(column, label, keys, differs)
     for i in range(n):
         order[i] &= LABEL_MASK
     return order
@@ -125,41 +125,15 @@ def mark_differences(order: Integers, column: Floats, entry: Integers, differs: 
 
 
 @compiled
-def sorted_exactly(
-    column: Floats, label: Integers, keys: Integers, spare: Integers, differs: Booleans
-) -> Integers:
-    """Return the labels in the order of the column, by a radix sort of all 64 bits."""
-    n = column.size
-    bits = column.view(np.int64)
-    values, other = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)
-    for j in range(n):  # two's complement order of the image is the order of the floats
-        keys[j] = label[j]
-        values[j] = bits[j]
-        if column[j] == 0.0:
-            values[j] = 0  # the two zeros are one value
-        elif bits[j] < 0:
-            values[j] = bits[j] ^ 0x7FFFFFFFFFFFFFFF
-    source, target = keys, spare
-    # Six digits of 11 bits, the lowest first.
-    for shift in range(0, 66, 11):
-        start = np.zeros(2049, dtype=np.int64)
-        offset = 1024 if shift == 55 else 0  # the last digit carries the sign
-        mask = -1 if shift == 55 else 2047
-        for j in range(n):
-            start[((values[j] >> shift) & mask) + offset + 1] += 1
-        for value in range(2048):
-            start[value + 1] += start[value]
-        for j in range(n):
-            value = ((values[j] >> shift) & mask) + offset
-            target[start[value]] = source[j]
-            other[start[value]] = values[j]
-            start[value] += 1
-        source, target = target, source
-        values, other = other, values
+def sorted_exactly(column: Floats, label: Integers, keys: Integers, differs: Booleans) -> Integers:
+    """Write the labels in the order of the column to ``keys``, by comparison; return them."""
+    order = np.argsort(column)
     differs[0] = False
-    for i in range(1, n):
-        differs[i] = values[i] != values[i - 1]
-    return source
+    for i in range(1, column.size):
+        differs[i] = column[order[i - 1]] < column[order[i]]
+    for i in range(column.size):
+        keys[i] = label[order[i]]
+    return keys
 
 
 @compiled

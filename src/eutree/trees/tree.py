@@ -203,9 +203,8 @@ class DecisionTree(Frozen):
     def split_each(self, cuts: Sequence[tuple[int, int, float]]) -> "DecisionTree":
         """Return the tree after one ``split(leaf, feature, threshold)`` after another.
 
-        Nodes that no cut changes are copied instead of checked and derived again, and the lists of
-        ``leaf_of`` go over to the new tree: a learner's thousands of leaves grow by a few at a
-        time.
+        Nodes that no cut changes are copied instead of checked and derived again: a learner's
+        thousands of leaves grow by a few at a time.
         """
         for i, (leaf, feature, threshold) in enumerate(cuts):
             check_integer("leaf", leaf, low=0, high=self.n_leaves + i - 1)
@@ -215,19 +214,12 @@ class DecisionTree(Frozen):
             return self
         fields = {name: _lengthened(getattr(self, name), 2 * len(cuts)) for name in _ARRAYS}
         node_of_leaf = _lengthened(self.node_of_leaf, len(cuts))
-        walk = self.__dict__.pop("_walk", None)
-        if walk is not None:
-            for values in walk:
-                values += [0] * (2 * len(cuts))
-            _cut(walk, node_of_leaf.copy(), cuts)
         _cut(tuple(fields.values()), node_of_leaf, cuts)
         tree = object.__new__(DecisionTree)
         tree.__dict__["n_features"] = self.n_features
         for name, array in (*fields.items(), ("node_of_leaf", node_of_leaf)):
             array.setflags(write=False)
             tree.__dict__[name] = array
-        if walk is not None:
-            tree.__dict__["_walk"] = walk
         return tree
 
     def equals(self, other: "DecisionTree") -> bool:
@@ -245,7 +237,7 @@ def _lengthened(array: NDArray[_Scalar], n_new: int) -> NDArray[_Scalar]:
 def _cut(
     columns: Sequence[Any], node_of_leaf: Int32s, cuts: Sequence[tuple[int, int, float]]
 ) -> None:
-    """Write cuts into the five columns of a tree, arrays or lists, which have room behind."""
+    """Write cuts into the five columns of a tree, which have room behind."""
     features, thresholds, left, right, leaves = columns
     n_leaves = len(node_of_leaf) - len(cuts)
     for leaf, feature, threshold in cuts:

@@ -190,25 +190,6 @@ def overlay(policy: ActionTree, challenger: ActionTree, n_features: int, out: In
 
 
 @compiled_later
-def bucket(
-    node: Integers,  # [K] leaf node of each step
-    begin: Integers,  # [M + 1] out
-    steps: Integers,  # [K] out
-) -> None:
-    """Sort the steps by node, keeping their order; those of node m start at ``begin[m]``."""
-    begin[:] = 0
-    # A counting sort, stable because steps are taken in order.
-    for k in range(node.size):
-        begin[node[k] + 1] += 1
-    for m in range(1, begin.size):
-        begin[m] += begin[m - 1]
-    at = begin.copy()
-    for k in range(node.size):
-        steps[at[node[k]]] = k
-        at[node[k]] += 1
-
-
-@compiled_later
 def departures(
     policy: ActionTree,
     challenger: ActionTree,
@@ -239,56 +220,3 @@ def departures(
                 continue
             if challenger.action[leaf_node(challenger, root, episodes.states[k])] != taken:
                 out[episodes.owner[k]] = k
-
-
-@compiled  # at once: short runs call it for half of the time that is waited, and never compile it
-def replace_by_child(
-    tree: ActionTree,
-    node: int,
-    child: int,
-    out: ActionTree,  # room for as many nodes
-    source: Integers,  # [M] out: the node of ``tree`` that each node was
-) -> int:
-    """Write the tree with ``node`` replaced by one of its children; return its number of nodes.
-
-    Sibling leaves of equal action are merged.
-    """
-    feature, left, right = tree.feature.copy(), tree.left.copy(), tree.right.copy()
-    action = tree.action.copy()
-    # Preorder: a parent comes before its children.
-    for parent in range(node):
-        if feature[parent] >= 0 and left[parent] == node:
-            left[parent] = child
-        if feature[parent] >= 0 and right[parent] == node:
-            right[parent] = child
-    # Backwards, so that children are merged before their parent looks at them.
-    for parent in range(feature.size - 1, -1, -1):
-        if feature[parent] < 0:
-            continue
-        one, other = left[parent], right[parent]
-        if feature[one] < 0 and feature[other] < 0 and action[one] == action[other]:
-            feature[parent] = -1
-            action[parent] = action[one]
-    waiting, parents = np.empty(feature.size, np.int64), np.empty(feature.size, np.int64)
-    waiting[0], parents[0] = child if node == 0 else 0, -1
-    n_waiting, n_nodes = 1, 0
-    # Depth first with the left child on top: nodes come out in preorder, and one that follows its
-    # parent directly is the left child.
-    while n_waiting > 0:
-        n_waiting -= 1
-        at, parent = waiting[n_waiting], parents[n_waiting]
-        if parent >= 0 and parent == n_nodes - 1:
-            out.left[parent] = n_nodes
-        elif parent >= 0:
-            out.right[parent] = n_nodes
-        source[n_nodes] = at
-        out.feature[n_nodes] = feature[at]
-        out.left[n_nodes], out.right[n_nodes] = 0, 0
-        out.threshold[n_nodes] = tree.threshold[at] if feature[at] >= 0 else 0.0
-        out.action[n_nodes] = action[at] if feature[at] < 0 else 0
-        if feature[at] >= 0:
-            waiting[n_waiting], parents[n_waiting] = right[at], n_nodes
-            waiting[n_waiting + 1], parents[n_waiting + 1] = left[at], n_nodes
-            n_waiting += 2
-        n_nodes += 1
-    return n_nodes

@@ -10,7 +10,6 @@ import numpy as np
 
 from eutree.arrays import Floats, Integers
 from eutree.trees import DecisionTree
-from eutree.world_model import _kernels
 from eutree.world_model._kernels import ActionTree
 
 Nested: TypeAlias = "int | tuple[int, float, Nested, Nested]"
@@ -76,11 +75,32 @@ def with_child(tree: ActionTree, node: int, *, goes_left: bool) -> tuple[ActionT
 
     Sibling leaves of equal action are merged.
     """
-    out = ActionTree._make(np.empty_like(array) for array in tree)
-    source = np.empty_like(tree.action)
-    child = int((tree.left if goes_left else tree.right)[node])
-    n = _kernels.replace_by_child(tree, node, child, out, source)
-    return ActionTree._make(array[:n] for array in out), source[:n]
+    last = node
+    while tree.feature[last] >= 0:
+        last = tree.right[last]
+    # Preorder: a subtree is a slice, a left child comes directly after its parent.
+    begin, end = (tree.left[node], tree.right[node]) if goes_left else (tree.right[node], last + 1)
+    parts = np.arange(node), np.arange(begin, end), np.arange(last + 1, tree.feature.size)
+    source = np.concatenate(parts)
+    feature, action = tree.feature[source], tree.action[source]
+    while (twins := _twins(feature, action)).size:
+        feature[twins], action[twins] = -1, action[twins + 1]
+        gone = np.concatenate([twins + 1, twins + 2])
+        feature, action, source = (np.delete(column, gone) for column in (feature, action, source))
+    place = np.zeros(tree.feature.size, dtype=np.int64)
+    place[source] = np.arange(source.size)
+    place[node] = place[begin]
+    inner = feature >= 0
+    links = np.arange(1, source.size + 1), place[tree.right[source]]
+    left, right = (np.where(inner, link, 0) for link in links)
+    threshold = np.where(inner, tree.threshold[source], 0.0)
+    return ActionTree(feature, threshold, left, right, action), source
+
+
+def _twins(feature: Integers, action: Integers) -> Integers:
+    """Return the nodes [M] of a tree in preorder whose children are leaves of equal action."""
+    ends = feature < 0
+    return np.flatnonzero(~ends[:-2] & ends[1:-1] & ends[2:] & (action[1:-1] == action[2:]))
 
 
 def with_box(box: Floats, inside: int, outside: int) -> Nested:

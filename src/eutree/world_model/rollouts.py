@@ -61,7 +61,6 @@ class Rollouts(ABC):
             empty_episodes(n_episodes, room, n_features) for _ in range(3)
         )
         self._departs = np.empty(n_episodes, dtype=np.int64)
-        self._steps = np.empty(room, dtype=np.int64)
         self.redraw()
 
     @property
@@ -110,8 +109,11 @@ class Rollouts(ABC):
         self._episodes, self._spare = self._spare, self._episodes
         self.policy, self._drawn = policy, False
         self._look()
-        self._begin = np.empty(policy.feature.size + 1, dtype=np.int64)
-        _kernels.bucket(self.node, self._begin, self._steps)
+        n_nodes = policy.feature.size
+        # Few bits are sorted by radix, in linear time.
+        nodes = self.node.astype(np.min_scalar_type(n_nodes))
+        self._steps = np.argsort(nodes, kind="stable")
+        self._begin = np.searchsorted(nodes[self._steps], np.arange(n_nodes + 1))
 
     def _look(self) -> None:
         self._observations = self._episodes.states[: self.n_steps, : self._n_seen]

@@ -32,9 +32,10 @@ class OneStep(msgspec.Struct, frozen=True, tag=True):
         self, history: History, rows: Integers, *, values: Floats, greedy: object, discount: float
     ) -> Floats:
         """Return q of each of the rows, shape [n]; V of a terminal state is 0."""
-        out = np.empty(rows.size)
-        _kernels.one_step_targets(rows, history.rewards, history.entered, values, discount, out)
-        return out
+        q, entered = history.rewards[rows], history.entered[rows]
+        goes_on = entered >= 0
+        q[goes_on] += discount * values[entered[goes_on]]
+        return q
 
 
 class LambdaReturn(msgspec.Struct, frozen=True, tag=True):
