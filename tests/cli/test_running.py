@@ -181,6 +181,23 @@ def test_what_is_given_again_counts_and_what_differs_is_refused(eutree, interrup
     assert answer.json["episodes"] == 4
 
 
+def test_a_run_that_is_made_longer_and_interrupted_keeps_its_new_length(
+    eutree, interrupted, strange, tmp_path
+):
+    """The command and the configuration had the old one: the line that is printed ended there."""
+    strange(Healthy)
+    assert eutree(*LEARN[:-3], 4, "--out", "run").code == 0
+    gymnasium.registry.pop("Strange-v0")
+    longer = ("learn", "--out", "run", "--resume", "--episodes", 12, "--checkpoint-seconds", 999)
+    assert interrupted(*longer).endswith("go on with: eutree learn --out run --resume")
+    kept = json.loads((tmp_path / "run" / "command.json").read_text())["arguments"]
+    assert kept["episodes"] == ["12"]
+    assert kept["environment"] == ["Strange-v0"]
+    assert not {"resume", "out", "checkpoint_seconds"} & kept.keys()
+    assert eutree("learn", "--out", "run", "--resume", "--json").json["episodes"] == 12
+    assert json.loads((tmp_path / "run" / "config.json").read_text())["episodes"] == 12
+
+
 def test_many_runs_go_on_from_their_folder(eutree, interrupted, tmp_path):
     line = (*LEARN, "--runs", 2, "--n-jobs", 1)
     said = interrupted(*line, "--out", "many")

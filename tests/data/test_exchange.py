@@ -292,6 +292,16 @@ def test_a_log_with_named_actions_is_read(tmp_path):
         Demonstrations.from_csv(path, schema=named)
 
 
+def test_an_end_may_be_said_on_the_row_behind_the_last_action(tmp_path):
+    path = tmp_path / "log.csv"
+    head = "episode,state,action,reward,terminated,truncated\n"
+    for row, end in (("0,2,,,true,", (True, False)), ("0,2,,,,1", (False, True))):
+        path.write_text(f"{head}0,0,2,0,false,0\n0,1,1,1,false,0\n{row}\n")
+        (episode,) = Demonstrations.from_csv(path)
+        assert (episode.terminated, episode.truncated) == end
+        assert len(episode.actions) == 2
+
+
 PLANT = (
     "day;temperature [°C];heater;cost\n"
     "mon;19.5;on;-2.0\nmon;20.5;off;-1.0\nmon;20.1;on;-2.5\ntue;18.0;on;-3.0\ntue;18.5;off;0\n"

@@ -104,3 +104,21 @@ def test_what_a_stopped_run_has_to_play_again_is_counted_once():
     after.counts = dict(before.counts)
     after.of(policy_of(1), range(4, 6), 7, arena_of(evaluator))
     assert (before.episodes + after.episodes, len(evaluator.asked)) == (6, 2)
+
+
+def test_an_interruption_within_a_contest_leaves_no_trace_in_the_counts():
+    """Its checkpoint had some episodes of the contest, and went on to another number of pairs."""
+    found, evaluator = Evaluations(PLAN, RunState()), Evaluator()
+    found.add(policy_of(1), arena_of(evaluator))
+    before = dict(found.counts)
+
+    def stopped(policy, starts, seed):
+        if policy.actions[0] == 2:
+            raise KeyboardInterrupt
+        return evaluator(policy, starts, seed)
+
+    with pytest.raises(KeyboardInterrupt):
+        found.judge(policy_of(1), policy_of(2), 0, arena_of(stopped))
+    assert found.counts == before
+    assert len(before) == 1
+    assert len(found.played.counts) == 2

@@ -18,7 +18,7 @@ from eutree.report.run_folder_report import report_of_run
 from eutree.report.run_page import run_page
 from eutree.schema import Schema
 from eutree.training.front import FEWEST, MOST, Extent
-from eutree.training.handover import Handover
+from eutree.training.handover import TOO_LARGE, Handover
 from eutree.training.phases import Phase, Plan, Position, due
 from eutree.trees import DecisionTree
 from eutree.world_model.action_trees import from_decision_tree
@@ -219,3 +219,22 @@ def test_success_counts_too_where_a_number_of_leaves_is_asked_for(floored):
     assert found.picked.actions[0] == 1
     loose = replace(demand, success_margin=0.01)
     assert front_among(start, [rich, poor], common, loose).picked.actions[0] == 2
+
+
+def test_a_limit_takes_no_trees_away_and_holds_however_few_steps_there_are(env, shown):
+    """Larger trees took the places of those that could be picked: a stump was left."""
+    options = OPTIONS | {"demonstrations": shown, "episodes": 4, "max_leaves": 3}
+    short = eutree.learn(env, **options)
+    assert short.first.n_leaves > 3 >= short.policy.n_leaves
+    assert len(short.front) > 1
+    assert all(one.policy.n_leaves <= 3 for one in short.front[1:])
+    assert short.against_start.why == TOO_LARGE
+    assert "more leaves than were asked for" in short.against_start.verdict()
+
+
+def test_a_few_trees_play_from_few_starts_only_where_they_have_to():
+    assert Extent.of(1_000, 8_000, 400) is None
+    few = Extent.of(1_000, 8_000, 400, least=2)
+    assert (few.trees, few.starts) == (2, 12)
+    assert Extent.of(1, 8_000, 400, least=2).starts == 2
+    assert Extent.of(20_000, 8_000, 400, least=2) == Extent.of(20_000, 8_000, 400)

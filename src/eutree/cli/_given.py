@@ -40,7 +40,7 @@ _NAMED = {"teacher", "against"}  # a file, a scripted expert, or MODULE:NAME
 
 _ENV_ARG = "env_arguments"
 # In click's context: the arguments on the line, and the environment's that come from the file.
-_GIVEN, _FROM_FILE = "eutree.given", "eutree.from_file"
+_GIVEN, _FROM_FILE, _IS_KEPT = "eutree.given", "eutree.from_file", "eutree.is_kept"
 
 Arguments = dict[str, list[str]]  # the texts given for each parameter, by its name
 # The settings to change first, by method; those found to matter most come first.
@@ -83,11 +83,16 @@ def chosen_by_file(arguments: dict[str, Any]) -> frozenset[str]:
 
 
 def keep(out: Path) -> None:
-    """Keep in a new run's folder the arguments of the command; nothing in one begun before."""
+    """Keep in a run's folder the arguments of the command; in one begun before those that are new.
+
+    Only the first call in a command keeps anything.
+    """
     context = click.get_current_context()
-    given = context.meta[_GIVEN]
-    if "resume" in given or (out / KEPT).exists() or not out.is_dir():
+    given, path = context.meta[_GIVEN], out / KEPT
+    if context.meta.get(_IS_KEPT) or not out.is_dir() or path.exists() != ("resume" in given):
         return
+    context.meta[_IS_KEPT] = True
+    before = _without(_kept(out, given), given) if path.exists() else {}
     not_kept = _EACH_TIME | _of_the_user(given).keys()
     parameters = {str(one.name): one for one in context.command.params}
     kept = {
@@ -95,7 +100,9 @@ def keep(out: Path) -> None:
         for name, parameter in parameters.items()
         if name in given and name not in not_kept
     }
-    write_document(out / KEPT, CommandDocument(arguments=kept))
+    own = {_ENV_ARG: before.pop(_ENV_ARG, []) + kept.pop(_ENV_ARG, [])}
+    own = {name: texts for name, texts in own.items() if texts}
+    write_document(path, CommandDocument(arguments=before | kept | own))
 
 
 def line_to_go_on(out: Path) -> str:

@@ -262,9 +262,12 @@ class _Table:
                 )
             group.has_rewards = known
             group.rewards.append(self._number(row, "reward") if known else 0.0)
+        ends = _truth(row, "terminated") is True, _truth(row, "truncated") is True
         if row["action"] or not group.actions:
-            ends = _truth(row, "terminated") is True, _truth(row, "truncated") is True
             group.ends = (group.ends[-1], ends)
+        else:  # behind the last action: the episode ended there, whichever row says so
+            last = group.ends[-1]
+            group.ends = (group.ends[0], (last[0] or ends[0], last[1] or ends[1]))
 
     def _action_text(self, text: str) -> str:
         """Return a cell of the actions: a number with its point, nothing where it says so."""

@@ -210,7 +210,7 @@ class Judge:
         if not found.whole:
             return (
                 "if single deviations add up, and no episode speaks against it more strongly than "
-                f"by {-found.worst:.4g}, the most seen"
+                f"by {max(-found.worst, 0.0):.4g}, the most seen"
             )
         known = self.return_range is not None
         return Bounds(0.0, 0.0, 0.0, self._limits, known).condition()

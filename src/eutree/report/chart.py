@@ -278,14 +278,15 @@ def _step(larger: FrontEntry, one: FrontEntry, name: str) -> str:
 def _changed(larger: FrontEntry, one: FrontEntry) -> str:
     """Return the cost of a tree beside its larger neighbour, and where it decides otherwise."""
     found = diff(larger.policy, one.policy)
-    cost = one.mean_return - larger.mean_return
+    cost, n = one.mean_return - larger.mean_return, larger.policy.n_leaves - one.policy.n_leaves
     words = (
-        f"{cost:+.2f} return with {larger.policy.n_leaves - one.policy.n_leaves} fewer leaves; "
+        f"{cost:+.2f} return with {abs(n)} {'fewer' if n > 0 else 'more'} "
+        f"{'leaf' if abs(n) == 1 else 'leaves'}; "
         f"another action on {found.share:.2%} of the observation box."
     )
     boxes = "".join(f"<li>{escape(box.words)}</li>" for box in found.boxes[:CHANGES])
     more = len(found.boxes) - CHANGES
-    boxes += f"<li>and {more} smaller boxes</li>" if more > 0 else ""
+    boxes += f"<li>and {more} smaller {'box' if more == 1 else 'boxes'}</li>" if more > 0 else ""
     return f"<p>{escape(words)}</p><ul>{boxes}</ul>"
 
 

@@ -56,6 +56,7 @@ def gather(
     act_among = cast(ActsAmongAllowed, learner).act
     generator = generator_of(seed, Stream.EXPLORATION, number)
     state.whole = True  # until it has begun
+    env.episode = number - 1  # a run that goes on has had others before
     observation = env.reset(_seed_of_next(learner, seed, number))
     state.whole = False
     learner.start_episode(observation, generator)

@@ -93,7 +93,7 @@ def write_checkpoint(path: Path, run: Run) -> None:
         front=None
         if picked is None
         else FrontDocument([PolicyText.of(one.policy) for one in front], PolicyText.of(picked)),
-        played=run.evaluations.played.counts,
+        played=run.evaluations.counts,
     )
     events = np.frombuffer(events_to_text(run.state.events).encode(), dtype=np.uint8)
     begin = run.beginning
@@ -138,6 +138,7 @@ def restore_checkpoint(path: Path, run: Run) -> None:
     if document.kept is not None:
         run.evaluations.kept = document.kept.policy.policy(path), document.kept.successes
     run.evaluations.played.counts = dict(document.played)
+    run.evaluations.counts = dict(document.played)
     run.evaluations.earlier = [one.policy(path) for one in document.earlier]
     if document.front is not None:
         run.evaluations.picked = document.front.picked.policy(path)

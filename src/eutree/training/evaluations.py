@@ -79,7 +79,7 @@ class PlayedStarts:
         Those before them are played, too, if they were not yet.
         """
         asked, n = _digest(policy, seed), starts[-1] + 1
-        found, counted = self._known.pop(asked, None), self.counts.pop(asked, 0)
+        found, counted = self._known.get(asked), self.counts.get(asked, 0)
         have = 0 if found is None else found.episodes
         if found is None or n > have:
             begin = time.monotonic()
@@ -88,6 +88,8 @@ class PlayedStarts:
             found = more if found is None else Evaluation.join([found, more])
         self.steps += int(found.lengths[counted:].sum())
         self.episodes += max(found.episodes - counted, 0)
+        self._known.pop(asked, None)
+        self.counts.pop(asked, None)  # the latest comes last
         self._known[asked], self.counts[asked] = found, max(found.episodes, counted)
         for old in list(self.counts)[:-KNOWN]:
             del self.counts[old]
@@ -159,6 +161,8 @@ class Evaluations:
         picked: The tree of the front that meets the start; None without a front.
         judgement: The result against the start; None before it is known.
         played: The episodes of frozen trees.
+        counts: Their counts when the state counted them last: what an interruption cut short is
+            played once more.
     """
 
     def __init__(self, plan: Plan, state: RunState) -> None:
@@ -166,6 +170,7 @@ class Evaluations:
         self._handover = plan.handover or Handover(episodes=0)
         self._state = state
         self.played = PlayedStarts()
+        self.counts: dict[str, int] = {}
         self._counted = 0
         self.curve: list[CurvePoint] = []
         self.kept: tuple[TreePolicy, int] | None = None
@@ -219,7 +224,9 @@ class Evaluations:
         time = self._seconds_left() / 4  # for imagining, and as much for playing
         if plan.seconds is not None:
             steps = min(steps, within(time, self.played.steps, self.played.seconds))
-        extent = Extent.of(steps, at.steps, at.episode)
+        # A limit that the learned tree exceeds is kept, be the front as small as it may.
+        too_large = learned.n_leaves > (handover.max_leaves or learned.n_leaves)
+        extent = Extent.of(steps, at.steps, at.episode, least=2 * too_large)
         if extent is not None:
             if plan.seconds is not None:
                 extent = replace(extent, imagined=min(extent.imagined, int(time * IMAGINING)))
@@ -237,7 +244,8 @@ class Evaluations:
             self.front, self.picked = found.entries, self._preferred(found, arena)
         state.whole = False
         played = state.at.played_episodes + ground.episodes
-        state.move(fronted=True, front_steps=ground.steps, played_episodes=played)
+        so_far = state.at.front_steps + ground.steps  # a run that was made longer had one before
+        state.move(fronted=True, front_steps=so_far, played_episodes=played)
         if self.front and self.picked is not None:
             entries = [one.facts() for one in self.front]
             state.note("front", {"front": entries, "picked": self.picked.n_leaves})
@@ -351,7 +359,7 @@ class Evaluations:
         """Count the episodes played since this was asked last."""
         state, played = self._state, self.played
         state.move(played_episodes=state.at.played_episodes + played.episodes - self._counted)
-        self._counted = played.episodes
+        self._counted, self.counts = played.episodes, dict(played.counts)
 
     def _keep(
         self, policy: TreePolicy, evaluation: Evaluation, arena: Arena

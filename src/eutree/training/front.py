@@ -48,17 +48,20 @@ class Extent:
     imagined: int
 
     @classmethod
-    def of(cls, steps: int, taken: int, episodes: int) -> "Extent | None":
+    def of(cls, steps: int, taken: int, episodes: int, *, least: int = 0) -> "Extent | None":
         """Return the effort that so many steps are enough for, if any.
 
         Args:
             steps: Steps that may be played.
             taken: Steps of the run.
             episodes: Its episodes.
+            least: Trees that have to play, from however few starts.
         """
         affordable = steps / (ROUNDS * max(taken / max(episodes, 1), 1.0))
         starts = int(np.clip(affordable / TREES, FEWEST, MOST))
         trees = int(affordable / starts)
+        if trees < least:
+            starts, trees = max(int(affordable / least), 2), least
         imagined = min(IMAGINED * taken, MOST_IMAGINED)
         return cls(starts=starts, trees=trees, imagined=imagined) if trees >= 2 else None
 
@@ -115,8 +118,11 @@ def front_of_run(
         floor=here(start),
         success_margin=success_margin,
     )
+    trees = [checked(learned), *found]
+    if max_leaves is not None:  # no other can be picked: those that may not would take their place
+        trees = [one for one in trees if one.n_leaves <= max_leaves] or trees
     common = CommonEpisodes(ground, extent.starts)
-    return front_among(learned, _few([checked(learned), *found], extent.trees), common, demand)
+    return front_among(learned, _few(trees, extent.trees), common, demand)
 
 
 def _by_labels(

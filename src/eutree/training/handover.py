@@ -168,7 +168,7 @@ class Judgement:
         words = f"handed over: {taken.describe()} of {self.episodes:,}; {name}: {other.describe()}"
         if self.handed_over == START:
             words += f". The start is handed over: {self.why}"
-        if self.why == DID_BETTER:
+        if self.why in (DID_BETTER, TOO_LARGE):
             words += f". The learned tree is handed over: {self.why}"
         return f"{words}. {AS_LEARNED}" if self.why == AS_LEARNED else words
 
@@ -237,7 +237,8 @@ class Handover:
             ones, whatever the ``success_margin``.
         max_leaves: Most leaves of the result; a start that has more is not handed over. For methods
             that plan, or with ``race_steps``. Where a race ends the run it keeps the limit, and
-            trees planned before may be larger. None for any number.
+            trees planned before may be larger; without a front the method alone keeps it. None for
+            any number.
         front_steps: Most environment steps of the front: of the learned tree the best of each
             size is made, imagined where the method has a world model, and the smallest that plays
             within one standard error of the best, and succeeds as often as the start but for the

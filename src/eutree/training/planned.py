@@ -87,11 +87,11 @@ def default_for(
         return _planning(f"a network as teacher would need {ENOUGH_SHOWN} demonstrations")
     enough = next((n for k, n in ENOUGH_STEPS.items() if known >= k), None)
     many = counted(known, "feature")
+    few = f"{many} {'is' if known == 1 else 'are'} few enough for it"
     if steps is None:
-        few = f"{many} are few enough for it"
         return _planning(few if enough is None else "a network as teacher needs a budget of steps")
     if enough is None:
-        return _planning(f"{many} are few enough for it", open_=True)
+        return _planning(few, open_=True)
     if steps < enough:
         return _planning(
             f"of {many} a network as teacher would need {enough} steps, not {steps}", open_=True

@@ -172,7 +172,11 @@ def result_of(run: Run, policy: TreePolicy, teacher: Teacher | None) -> Learning
             learning=at.steps - at.teacher_steps,
             racing=at.racing_steps,
             front=at.front_steps,
-            judging=0 if judgement is None else judgement.steps,
+            judging=sum(  # a run that was made longer was judged before
+                event.get("steps_of_judging", 0)
+                for event in run.state.events
+                if event["event"] == "judgement"
+            ),
             declared=0 if teacher is None else teacher.cost,
             evaluation=at.evaluation_steps,
         ),

@@ -28,6 +28,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, ClassVar
 
+import msgspec
+
 from eutree.compression.episodes import FrontEntry
 from eutree.data import Demonstrations
 from eutree.errors import FormatError, RunFolderError, blamed
@@ -192,6 +194,7 @@ class RunFolder:
                 f"{self.path}: the run has raced after {run.episode} episodes and cannot gather "
                 "more; start another one from its policy"
             )
+        write_document(self.path / "config.json", self._config)
         return True
 
     def save_result(
@@ -213,7 +216,7 @@ class RunFolder:
 
     def _open(self, config: ConfigDocument, kind: type[Method], *, resume: bool) -> None:
         remove_orphans(self.path)
-        self._longer = False
+        self._longer, self._config = False, config
         path = self.path / "config.json"
         if not path.exists():
             shutil.rmtree(self.path / SHOWN, ignore_errors=True)  # of a run that never began
@@ -227,7 +230,9 @@ class RunFolder:
             )
         found = read_document(path, ConfigDocument)
         _check_same(path, found, config, kind)
-        self._longer = any(getattr(found, name) != getattr(config, name) for name in _LENGTH)
+        length = {name: getattr(config, name) for name in _LENGTH}
+        self._config = msgspec.structs.replace(found, **length)
+        self._longer = self._config != found
 
 
 def names_of(front: Sequence[FrontEntry]) -> list[str]:
