@@ -23,6 +23,8 @@ from eutree.display import SAME, decimals_of, fixed, number, told_apart, usual_w
         (0.0, 1e-9, [3.214e-10], ["3.21e-10"]),
         (0.0, 1e6, [123456.789], ["123457"]),
         (-10.0, 10.0, [0.05, -0.3], ["0.05", "-0.3"]),  # small beside its bounds
+        (-math.inf, math.inf, [0.0491734, 1957.2], ["0.05", "1957"]),  # not 0
+        (-math.inf, math.inf, [-0.24898, 99.0], ["-0.25", "99"]),
     ],
 )
 def test_as_few_digits_as_matter(low, high, values, texts):

@@ -63,6 +63,8 @@ SAME = 1e-6  # of a quantity's range: two values that are nearer are one
 _TINY = 1e-12  # where nothing bounds a quantity
 _HUGE = 1e30  # a bound beyond is none
 _USUAL = 6  # digits after the point of which nothing is known
+_NEAR = 0.1  # of itself: a number is shown at least so near,
+_NOTHING = 1e-9  # or of its range
 
 
 def usual_width(low: float, high: float, values: Iterable[float]) -> float:
@@ -98,7 +100,7 @@ def number(value: float, decimals: int) -> str:
 
 
 def told_apart(values: Iterable[float], width: float, *, down: bool = False) -> dict[float, str]:
-    """Return each value in as few digits as tell it from the others.
+    """Return each value in as few digits as tell it from the others, and within a tenth of itself.
 
     Two that are nearer than a millionth of the range may look the same.
 
@@ -120,11 +122,11 @@ def _told_apart(known: list[float], place: int, width: float, *, down: bool) -> 
     value, decimals = known[place], decimals_of(width)
     lower = next((v for v in reversed(known[:place]) if value - v > SAME * width), -math.inf)
     upper = next((v for v in known[place + 1 :] if v - value > SAME * width), math.inf)
-    most = decimals + sys.float_info.dig
+    most, near = decimals + sys.float_info.dig, max(_NEAR * abs(value), _NOTHING * width, _TINY)
     while True:
         texts = [_shown(v, decimals, SAME * width if down else math.inf) for v in (lower, upper)]
         text = _shown(value, decimals, SAME * width if down else math.inf)
-        if text not in texts or decimals == most:
+        if (text not in texts and abs(float(text) - value) <= near) or decimals == most:
             return text
         decimals += 1
 

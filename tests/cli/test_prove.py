@@ -126,3 +126,37 @@ def test_a_plant_without_a_step_is_one_line(tmp_path, capsys, monkeypatch):
     error = capsys.readouterr().err
     assert "plant must have a step that moves boxes, got Still without one" in error
     assert error.count("\n") == 1
+
+
+def test_what_a_plant_cannot_answer_is_said_at_once_or_played(car, tmp_path, capsys):
+    pole = tmp_path / "pole.json"
+    assert run(["export", "zoo:CartPole-v1", "--out", str(pole)]) == 0
+    capsys.readouterr()
+    assert run(["prove", str(pole), "arrives"]) == 2
+    assert "a task with a goal, which CartPole-v1 has not" in capsys.readouterr().err
+    asked = "returns at least -199 with probability at least 0.1"
+    code, found = result(capsys, car, asked, "--episodes", 40)
+    assert (code, found["kind"]) == (0, "statistical")
+
+
+def test_a_refutation_shows_its_start(tmp_path, capsys):
+    bad = tmp_path / "bad.json"
+    policy_of(BAD).save(bad)
+    assert run(["prove", str(bad)]) == 1
+    assert "; for example from position " in capsys.readouterr().out
+
+
+def test_two_outputs_never_overwrite_each_other(car, tmp_path, capsys):
+    both = tmp_path / "both"
+    assert run(["prove", str(car), "--html", str(both), "--out", str(both)]) == 2
+    assert "--out must be another place than --html" in capsys.readouterr().err
+    assert not both.exists()
+    (tmp_path / "front").mkdir()
+    inside = tmp_path / "front" / "start.json"
+    line = ["compress", str(car), "--out", str(inside), "--front", str(tmp_path / "front")]
+    assert run(line) == 2
+    assert "must be another place" in capsys.readouterr().err
+    source = tmp_path / "m_test.c"
+    line = ["export", str(car), "--format", "c", "--out", str(source), "--name", "m"]
+    assert run([*line, "--self-test"]) == 2
+    assert not source.exists()

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from eutree.compression import RealEpisodes, compress
-from eutree.compression.smaller_trees import Costs, Prunings
+from eutree.compression.smaller_trees import Costs, Prunings, rounded
 from eutree.errors import InvalidArgumentError
 from eutree.policies import LeafStatistics, TreePolicy
 from eutree.schema import Schema
@@ -216,3 +216,10 @@ def test_the_report_says_what_the_bounds_depend_on():
     _, seen = compress(BUSY, PLACES, env=RealEpisodes(Corridor(), margin=4.0, episodes=60))
     assert (seen.range_known, seen.episodes_needed) == (False, None)
     assert seen.return_range[1] - seen.return_range[0] >= 4.0 * 60 / 9
+
+
+def test_a_step_for_one_feature_leaves_the_others_alone():
+    tree = DecisionTree.single_leaf(2).split(0, 0, 0.4567).split(1, 1, 0.1234)
+    policy = TreePolicy(tree, np.array([0, 1, 0]), Schema.anonymous(2, 2))
+    found = rounded(policy, np.random.default_rng(0).random((50, 2)), {0: 0.1})
+    assert sorted(found.tree.threshold[found.tree.feature >= 0]) == [0.1234, 0.5]

@@ -12,6 +12,7 @@ import re
 import shlex
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -166,9 +167,20 @@ class Written(click.Path):
 
 
 def check_outputs(command: click.Command, given: dict[str, Any]) -> None:
-    """Raise InvalidArgumentError where an output of a command would overwrite an input."""
+    """Raise InvalidArgumentError where an output would overwrite an input or another output."""
     inputs = list(_paths(command, given, written=False))
-    for output, target in _paths(command, given, written=True):
+    outputs = list(_paths(command, given, written=True))
+    for (one, first), (other, second) in combinations(outputs, 2):
+        places = [os.path.realpath(place) for place in (first, second)]
+        folders = {
+            os.path.dirname(place) for place in places if _FRONT.fullmatch(os.path.basename(place))
+        }
+        if places[0] == places[1] or ("--front" in (one, other) and folders & set(places)):
+            raise InvalidArgumentError(
+                f"{other} must be another place than {one}, {first}, which it would overwrite; "
+                f"got {second}"
+            )
+    for output, target in outputs:
         if given.get("resume") and os.path.isdir(target):
             continue  # a run goes on in the folder whose files it was started with
         for name, source in inputs:

@@ -313,7 +313,9 @@ def _change(report: "CompressionReport") -> str:
     before, after = report.n_leaves_before, report.n_leaves_after
     if before == after:
         better = "" if report.method != "return" else ", but a better one of that size"
-        return f"still {counted(before, 'leaf')}: no smaller tree was found{better}"
+        smaller = any(one.policy.n_leaves < before for one in report.front)
+        found = "no smaller tree earns as much" if smaller else "no smaller tree was found"
+        return f"still {counted(before, 'leaf')}: {found}{better}"
     return f"{counted(before, 'leaf')} became {after}"
 
 

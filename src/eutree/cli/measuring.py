@@ -6,9 +6,10 @@ from typing import Any
 import click
 
 from eutree.cli import _options as option
-from eutree.cli._output import Result, figures_of, said_what_is_played
+from eutree.cli._output import Result, figures_of, said_what_is_played, say
 from eutree.cli._policies import against_option, check_fits, controller, load_policy, set_against
 from eutree.cli.parts import cluster, workers_options
+from eutree.display import counted
 from eutree.errors import InvalidArgumentError
 from eutree.evaluation import evaluate as evaluate_policy
 from eutree.files import check_writable, write_text
@@ -103,7 +104,7 @@ def prove(
 
     The exit code is 0 if it is proven, 1 if it is refuted, 3 if it is left undecided.
     """
-    from eutree.proof import plant_of, save_certificate
+    from eutree.proof import NeedsEpisodesError, plant_of, save_certificate
     from eutree.proof import prove as prove_policy
     from eutree.proof.sampling import Sampling, asked_of_episodes, certify_sample
     from eutree.report.proof_page import proof_page
@@ -113,16 +114,19 @@ def prove(
         if path is not None:
             check_writable(path)
     spec = _spec(loaded, policy, environment, env_arguments, "--env ID")
-    plant = None if sampled else plant_of(spec)
-    if plant is None:
+    plant, found = None if sampled else plant_of(spec), None
+    if plant is not None:
+        try:
+            found = prove_policy(loaded, plant, question)
+        except NeedsEpisodesError:
+            say(f"the plant of {spec} says nothing of that: {counted(episodes, 'episode')} answer")
+    if found is None:
         sampling = Sampling(confidence=confidence, returns=returns)
         asked = asked_of_episodes(question, str(spec), sampling)
         check_fits(loaded, policy, spec)
         with said_what_is_played(episodes):
             evaluation = evaluate_policy(loaded, spec, episodes=episodes, seed=seed)
         found = certify_sample(evaluation, asked, environment=str(spec), sampling=sampling)
-    else:
-        found = prove_policy(loaded, plant, question)
     if out is not None:
         save_certificate(out, found, loaded)
     if html is not None:

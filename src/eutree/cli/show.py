@@ -207,15 +207,21 @@ def export(
     data = content if isinstance(content, bytes) else content.encode("utf-8")
     if out is None:
         return _printed(name, content)
-    files = {out: data}
+    files = [(out, data)]
     given.pop("header", None)
-    if header or self_test:
-        files[out.parent / f"{given['name']}.h"] = to_c_header(loaded, **given).encode("utf-8")
-    if self_test:
-        files[out.parent / f"{given['name']}_test.c"] = to_c_test(loaded, **given).encode("utf-8")
-    for path, entry in files.items():
+    for beside, made, wanted in (
+        (".h", to_c_header, header or self_test), ("_test.c", to_c_test, self_test)
+    ):  # fmt: skip
+        if wanted:
+            path = out.parent / f"{given['name']}{beside}"
+            files.append((path, made(loaded, **given).encode("utf-8")))
+    if out in (path for path, _ in files[1:]):
+        raise InvalidArgumentError(
+            f"--out must be another file than the one that is written beside it, got {out}"
+        )
+    for path, entry in files:
         write_bytes(path, entry)
-    written = [str(path) for path in files]
+    written = [str(path) for path, _ in files]
     values = {"format": name, "path": str(out), "files": written, "bytes": len(data)}
     return Result(values | {"n_leaves": loaded.n_leaves}, f"written to {', '.join(written)}")
 

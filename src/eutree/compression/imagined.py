@@ -133,6 +133,12 @@ class Pruned:
             returns: Mean returns of the trees in episodes of the environment, shape [n].
         """
         found = rank_correlation(self.scores, returns)
+        if np.isnan(found.value):
+            raise InvalidArgumentError(
+                f"imagined (--imagined) needs trees that can be told apart: of {found.n} trees all "
+                "have the same score in the world model, or earned the same; let the trees play "
+                "instead"
+            )
         if not found.better_than_chance:
             raise InvalidArgumentError(
                 f"imagined must be None: the world model's order of {found.n} trees has rank "

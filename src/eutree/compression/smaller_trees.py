@@ -280,8 +280,9 @@ def rounded(
     Args:
         policy: The policy to round.
         rows: Recorded observations, shape [N, d].
-        steps: By feature, the step whose multiples its thresholds become. Recorded observations
-            between the old and the new threshold then change their leaf.
+        steps: By feature, the step whose multiples its thresholds become; others stay. Recorded
+            observations between the old and the new threshold then change their leaf. Without any,
+            all thresholds become as short as they may.
     """
     steps = steps or {}
     tree = policy.tree
@@ -294,7 +295,7 @@ def rounded(
         values = rows[mine, feature]
         members[int(tree.left[node])] = mine[values <= cut]
         members[int(tree.right[node])] = mine[values > cut]
-        if held[node]:
+        if held[node] or (steps and feature not in steps):
             continue
         low, high = _free(tree, threshold, node)
         least = values[values <= cut].max(initial=-np.inf)

@@ -100,7 +100,7 @@ class Variation:
 
     def _other(self, action: int) -> int:
         others = [a for a in range(self._n_actions) if a != action]
-        return int(self._one_of(others))
+        return int(self._one_of(others or [action]))  # the only one there is
 
     def _one_of(self, some: Any) -> Any:
         """Return one of a sequence, the one that ``Generator.choice`` returns, in less time."""

@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 
 from eutree.arrays import Booleans, Floats, Frozen, Integers, freeze
-from eutree.display import Displayed
+from eutree.display import Displayed, counted
 from eutree.errors import FormatError, InvalidArgumentError
 from eutree.files import Document, read_document, write_document
 from eutree.policies import TreePolicy
@@ -132,8 +132,14 @@ class Certificate(Displayed):
         return known | {"bounds": bounds, "work": dict(self.work)}
 
     def __str__(self) -> str:
-        """Return the verdict and the sentence."""
-        return f"{self.verdict} ({self.kind}): {self.sentence}"
+        """Return the verdict, the sentence, and a start that breaks the property."""
+        words = f"{self.verdict} ({self.kind}): {self.sentence}"
+        start = dict(self.counterexample or {})
+        steps = start.pop("steps", None)
+        if steps is None or not start:
+            return words
+        place = ", ".join(f"{name} {value:.6g}" for name, value in start.items())
+        return f"{words}; for example from {place}: after {counted(steps, 'step')}"
 
 
 _MOST_CELLS = 2**16  # of a picture

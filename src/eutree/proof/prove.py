@@ -35,6 +35,10 @@ _TRIES = 20  # starts of undecided pieces that are replayed
 _SUMMED = 1e-9  # of the steps: greatest error of adding up shares
 
 
+class NeedsEpisodesError(InvalidArgumentError):
+    """A property of which a plant says nothing, as of returns; episodes can answer it."""
+
+
 def prove(
     policy: TreePolicy,
     plant: Plant,
@@ -57,6 +61,7 @@ def prove(
     Raises:
         InvalidArgumentError: The text is no property, the plant cannot answer it, or the policy
             is not one of the plant's environment.
+        NeedsEpisodesError: Only episodes can answer it.
     """
     text = plant.question if question is None else question
     if not isinstance(text, str):
@@ -70,10 +75,15 @@ def prove(
         return _of_return(prove(policy, plant, "arrives", effort=effort), asked, plant)
     horizon = plant.limit if asked.horizon is None else asked.horizon
     if asked.kind not in ("arrives", "stays", "avoids"):
+        raise NeedsEpisodesError(
+            f"property {asked.text!r} is about chance or returns, of which the plant of "
+            f"{plant.environment} says nothing; ask whether it arrives, stays in or avoids, or let "
+            "episodes answer (--sampled)"
+        )
+    if asked.kind == "arrives" and type(plant).arrives is Plant.arrives:
         raise InvalidArgumentError(
-            f"property {asked.text!r} is about chance, and nothing in the plant of "
-            f"{plant.environment} is left to chance but the start; ask whether it arrives, stays "
-            "in or avoids"
+            f"property {asked.text!r} must be about a task with a goal, which "
+            f"{plant.environment} has not; ask whether it stays in or avoids"
         )
     horizon = EVER if horizon is None else horizon
     proof = _Proof(policy, plant, asked, horizon, effort or Effort())
@@ -142,7 +152,7 @@ class _Proof:
         if verdict == PROVEN and self._arriving:
             said = f"arrives within {bounds['steps'][1]} steps" if "steps" in bounds else "arrives"
         elif verdict == REFUTED and fails.any():
-            more = f": not from {float(shares[fails].sum()):.3g} of all starts"
+            more = f": not from {100 * float(shares[fails].sum()):.3g} % of all starts"
         elif verdict == UNDECIDED:
             more = f" for a share of {undecided:.3g} of them"
         if "mean_return" in bounds:

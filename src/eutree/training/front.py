@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from eutree.compression.episodes import Demand
-from eutree.compression.front import Front, front_among
+from eutree.compression.front import EACH, Front, front_among
 from eutree.compression.imagined import ImaginedCommonEpisodes
 from eutree.compression.playing import CommonEpisodes, Ground
 from eutree.compression.searching import FrontSearch
@@ -28,7 +28,6 @@ TREES = 24  # that play, if there are steps for so many
 ROUNDS = 2.0  # of the starts, that all trees together play from
 IMAGINED_EPISODES = 1000
 IMAGINING = 500_000  # steps a second that a slow machine imagines
-EACH = 2  # trees of a size that play
 LOSES = 0.15  # of the range of returns: a size that is imagined to lose more is the last one
 ROWS = 5000  # stored observations by which a tree is cut where nothing is imagined
 
@@ -107,7 +106,7 @@ def front_of_run(
         rollouts = learner.imagined(IMAGINED_EPISODES, generator)
     if rollouts is not None:
         search = FrontSearch(trees, ImaginedCommonEpisodes(rollouts), extent.imagined, checked)
-        search.run(2, loses=LOSES if max_leaves is None else 1.0)
+        search.run(EACH, loses=LOSES if max_leaves is None else 1.0)
         best = search.waiting() | search.found
         found = [one for size in sorted(best, reverse=True) for one in best[size][:EACH]]
     else:

@@ -202,8 +202,6 @@ def _prepared(
         if (rival := asked.handover.against) is not None:
             acting_for(arena.env.env, as_policy(rival, arena.env.env), "against")
         problem, name = _problem(arena.env, plan), str(arena.env.spec or arena.env.name)
-        if problem.n_actions < 2:
-            raise InvalidArgumentError(f"env must have two actions to choose from, got 1: {name}")
     elif demonstrations is None:
         raise InvalidArgumentError("'offline learning' needs demonstrations, got none")
     else:
