@@ -137,6 +137,7 @@ def test_what_a_plant_cannot_answer_is_said_at_once_or_played(car, tmp_path, cap
     asked = "returns at least -199 with probability at least 0.1"
     code, found = result(capsys, car, asked, "--episodes", 40)
     assert (code, found["kind"]) == (0, "statistical")
+    assert found["work"] == {"episodes": 40}
 
 
 def test_a_refutation_shows_its_start(tmp_path, capsys):

@@ -36,7 +36,7 @@ _SUMMED = 1e-9  # of the steps: greatest error of adding up shares
 
 
 class NeedsEpisodesError(InvalidArgumentError):
-    """A property of which a plant says nothing, as of returns; episodes can answer it."""
+    """A property of returns of which a plant says nothing; episodes can answer it."""
 
 
 def prove(
@@ -75,10 +75,11 @@ def prove(
         return _of_return(prove(policy, plant, "arrives", effort=effort), asked, plant)
     horizon = plant.limit if asked.horizon is None else asked.horizon
     if asked.kind not in ("arrives", "stays", "avoids"):
-        raise NeedsEpisodesError(
-            f"property {asked.text!r} is about chance or returns, of which the plant of "
-            f"{plant.environment} says nothing; ask whether it arrives, stays in or avoids, or let "
-            "episodes answer (--sampled)"
+        refused = NeedsEpisodesError if asked.kind == "returns" else InvalidArgumentError
+        raise refused(
+            f"property {asked.text!r} is about chance, and nothing in the plant of "
+            f"{plant.environment} is left to chance but the start; ask whether it arrives, stays "
+            "in or avoids, or let episodes answer (--sampled)"
         )
     if asked.kind == "arrives" and type(plant).arrives is Plant.arrives:
         raise InvalidArgumentError(
