@@ -68,6 +68,7 @@ FAMILIES = (  # the first that has a sentence
     Family("formats", ARGUMENT, r"files/|study/plan", r"."),
     Family("logs", ARGUMENT, r"data/(csv_files|log_format|npz_files|minari_files)"),
     Family("recorder", ARGUMENT, r"recording/browser", r"message|key|picture|client|must|listen"),
+    Family("proofs", "NeedsEpisodesError"),
     Family("proofs", ARGUMENT, r"eutree/proof/|plants/", r"plant|property|proof|proven|range"),
     Family("proofs", ARGUMENT, r"eutree/proof/", r"cells|boxes|starts|certificate|no success"),
     Family("imports", ARGUMENT, "", r"cannot (be imported|import|make)|no file may|by several"),

@@ -23,7 +23,7 @@ FEW_STARTS, FEW_STEPS = 60, 1_500_000  # where they run one by one
 FEWEST_STARTS = 12  # of which a quarter sees that a change does harm
 JUDGES = 200  # episodes of an evaluation, of which fewer mean a shorter search
 PER_START = 800  # episodes of a search for each start, about
-EACH = 2  # trees of a size that are looked at
+EACH = 2  # trees of a size that play
 LOSES = 0.1  # of the range of returns: a size that loses more ends the search
 SLACK = 0.01  # of the range of returns: a smaller difference counts as none
 CONTEST, REPORT = 2**40, 2**41  # first starts
@@ -56,10 +56,11 @@ def front_of(
     """
     common, steps = _extent(policy, ground, demand.episodes)
     search = FrontSearch([exact], common, steps, lambda one: with_locks(merged(one), policy))
-    search.run(EACH, loses=LOSES if demand.max_leaves is None else 1.0)
-    # Where the steps ended before all sizes had their turn, the best of those that wait.
-    best = search.waiting() | search.found
-    found = [finish(one) for size in sorted(best, reverse=True) for one in best[size][:EACH]]
+    search.run(2, loses=LOSES)
+    known = list(search.found.values())
+    if common.steps >= steps:  # before all sizes had their turn: the best of those that wait
+        known += [waiting[:EACH] for waiting in search.waiting().values()]
+    found = [finish(one) for trees in known for one in trees]
     found = [one for one in found if one.n_leaves <= exact.n_leaves]
     return front_among(policy, [finish(exact), *found], common, demand)
 

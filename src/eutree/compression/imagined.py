@@ -135,9 +135,9 @@ class Pruned:
         found = rank_correlation(self.scores, returns)
         if np.isnan(found.value):
             raise InvalidArgumentError(
-                f"imagined (--imagined) needs trees that can be told apart: of {found.n} trees all "
-                "have the same score in the world model, or earned the same; let the trees play "
-                "instead"
+                f"imagined (--imagined) must be None: {found.n} trees have one score in the world "
+                "model, or earned the same, which orders them no better than chance; let the trees "
+                "play instead"
             )
         if not found.better_than_chance:
             raise InvalidArgumentError(

@@ -74,19 +74,23 @@ def prove(
     if asked.kind == "returns" and asked.chance is None and is_known:
         return _of_return(prove(policy, plant, "arrives", effort=effort), asked, plant)
     horizon = plant.limit if asked.horizon is None else asked.horizon
+    if asked.kind == "returns":
+        raise NeedsEpisodesError(
+            f"property {asked.text!r} must be one of which the plant of {plant.environment} says "
+            "something; let episodes answer (--sampled)"
+        )
     if asked.kind not in ("arrives", "stays", "avoids"):
-        refused = NeedsEpisodesError if asked.kind == "returns" else InvalidArgumentError
-        raise refused(
+        raise InvalidArgumentError(
             f"property {asked.text!r} is about chance, and nothing in the plant of "
             f"{plant.environment} is left to chance but the start; ask whether it arrives, stays "
-            "in or avoids, or let episodes answer (--sampled)"
+            "in or avoids"
         )
-    if asked.kind == "arrives" and type(plant).arrives is Plant.arrives:
+    horizon = EVER if horizon is None else horizon
+    if asked.kind == "arrives" and horizon != EVER and type(plant).arrives is Plant.arrives:
         raise InvalidArgumentError(
             f"property {asked.text!r} must be about a task with a goal, which "
             f"{plant.environment} has not; ask whether it stays in or avoids"
         )
-    horizon = EVER if horizon is None else horizon
     proof = _Proof(policy, plant, asked, horizon, effort or Effort())
     if horizon != EVER:
         # Layers are cut by the leaves' boxes, which are of measured features.

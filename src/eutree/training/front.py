@@ -106,7 +106,7 @@ def front_of_run(
         rollouts = learner.imagined(IMAGINED_EPISODES, generator)
     if rollouts is not None:
         search = FrontSearch(trees, ImaginedCommonEpisodes(rollouts), extent.imagined, checked)
-        search.run(EACH, loses=LOSES if max_leaves is None else 1.0)
+        search.run(2, loses=LOSES if max_leaves is None else 1.0)
         best = search.waiting() | search.found
         found = [one for size in sorted(best, reverse=True) for one in best[size][:EACH]]
     else:
