@@ -76,8 +76,8 @@ def prove(
     horizon = plant.limit if asked.horizon is None else asked.horizon
     if asked.kind == "returns":
         raise NeedsEpisodesError(
-            f"property {asked.text!r} must be one of which the plant of {plant.environment} says "
-            "something; let episodes answer (--sampled)"
+            f"property {asked.text!r} is about chance or returns, of which the plant of "
+            f"{plant.environment} says nothing; let episodes answer (--sampled)"
         )
     if asked.kind not in ("arrives", "stays", "avoids"):
         raise InvalidArgumentError(
