@@ -100,9 +100,9 @@ def keep(out: Path) -> None:
         for name, parameter in parameters.items()
         if name in given and name not in not_kept
     }
-    own = {_ENV_ARG: before.pop(_ENV_ARG, []) + kept.pop(_ENV_ARG, [])}
-    own = {name: texts for name, texts in own.items() if texts}
-    write_document(path, CommandDocument(arguments=before | kept | own))
+    own = before.get(_ENV_ARG, []) + kept.get(_ENV_ARG, [])
+    arguments = before | kept | ({_ENV_ARG: own} if own else {})
+    write_document(path, CommandDocument(arguments=arguments))
 
 
 def line_to_go_on(out: Path) -> str:

@@ -170,12 +170,13 @@ def check_outputs(command: click.Command, given: dict[str, Any]) -> None:
     """Raise InvalidArgumentError where an output would overwrite an input or another output."""
     inputs = list(_paths(command, given, written=False))
     outputs = list(_paths(command, given, written=True))
-    for (one, first), (other, second) in combinations(outputs, 2):
-        places = [os.path.realpath(place) for place in (first, second)]
-        folders = {
-            os.path.dirname(place) for place in places if _FRONT.fullmatch(os.path.basename(place))
-        }
-        if places[0] == places[1] or ("--front" in (one, other) and folders & set(places)):
+    # A log of TensorBoard names its files itself.
+    files = [output for output in outputs if output[0] != "--tensorboard"]
+    for (one, first), (other, second) in combinations(files, 2):
+        taken = [os.path.realpath(first)]
+        if other == "--front" and _FRONT.fullmatch(os.path.basename(first)):
+            taken.append(os.path.dirname(taken[0]))
+        if os.path.realpath(second) in taken:
             raise InvalidArgumentError(
                 f"{other} must be another place than {one}, {first}, which it would overwrite; "
                 f"got {second}"

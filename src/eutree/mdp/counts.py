@@ -86,10 +86,8 @@ class TransitionCounts:
         counts = cls(n_states, n_actions)
         rows = counts._checked(states, actions, rewards, next_states)
         arrays, entered = counts.arrays, rows.next_states.astype(np.int64)
-        pair, n_pairs = (
-            rows.states.astype(np.int64) * n_actions + rows.actions,
-            n_states * n_actions,
-        )
+        pair = rows.states.astype(np.int64) * n_actions + rows.actions
+        n_pairs = n_states * n_actions
         # Rows of successors, then of predecessors. A key is one more here, as TERMINAL is -1.
         inner = entered != _kernels.TERMINAL
         row = np.concatenate([pair + rows.states, entered[inner] * (n_actions + 1) + n_actions])

@@ -194,7 +194,8 @@ class RunFolder:
                 f"{self.path}: the run has raced after {run.episode} episodes and cannot gather "
                 "more; start another one from its policy"
             )
-        write_document(self.path / "config.json", self._config)
+        if self._longer:
+            write_document(self.path / "config.json", self._config)
         return True
 
     def save_result(
