@@ -22,7 +22,7 @@ from eutree.contests import best
 from eutree.data import Demonstrations, Episode
 from eutree.data.demonstrations import check_shown, lessons
 from eutree.data.episode import allowed_in
-from eutree.errors import InvalidArgumentError, MissingExtraError
+from eutree.errors import InvalidArgumentError, needed
 from eutree.evaluation import Evaluation, Interval, evaluate
 from eutree.interaction import GuardedEnv, episode_seed, run_episode
 from eutree.interaction.acting import Actor, Controller, as_policy, trained_steps
@@ -162,10 +162,8 @@ def fit(
 
 def _cart(data: Labelled, max_leaves: int | None) -> tuple[DecisionTree, Integers]:
     """Return CART's tree, which decides as scikit-learn's does on every finite observation."""
-    try:
+    with needed("scikit-learn", "sklearn"):
         from sklearn.tree import DecisionTreeClassifier
-    except ImportError as error:
-        raise MissingExtraError("scikit-learn", "sklearn") from error
     limit = max_leaves if max_leaves != 1 else 2  # it knows no tree of one leaf
     model = DecisionTreeClassifier(max_leaf_nodes=limit, random_state=0)
     model.fit(data.observations, data.actions, sample_weight=data.weights)

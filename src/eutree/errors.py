@@ -149,6 +149,15 @@ class MissingExtraError(EutreeError, ImportError):
         super().__init__(f"{package} is not installed; get it with: pip install {wanted}")
 
 
+@contextmanager
+def needed(package: str, extra: str) -> Iterator[None]:
+    """Say how to install a package where its import inside fails."""
+    try:
+        yield
+    except ImportError:
+        raise MissingExtraError(package, extra) from None
+
+
 def _again(kind: type[EutreeError], args: tuple[Any, ...], facts: dict[str, Any]) -> EutreeError:
     """Return an error as it was raised in another process."""
     error = kind.__new__(kind, *args)

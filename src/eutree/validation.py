@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from eutree.arrays import Floats, Integers
-from eutree.errors import InvalidArgumentError, MissingExtraError, UnknownNameError, shown
+from eutree.errors import InvalidArgumentError, UnknownNameError, needed, shown
 
 MAX_SEED = 2**63 - 1
 
@@ -190,10 +190,8 @@ def data_frame(columns: Mapping[str, Any], *, index: Mapping[str, Any]) -> Any:
     Raises:
         MissingExtraError: pandas is not installed.
     """
-    try:
+    with needed("pandas", ""):
         import pandas  # type: ignore[import-untyped]  # has no types
-    except ImportError:
-        raise MissingExtraError("pandas", "") from None
     levels = pandas.MultiIndex.from_arrays(list(index.values()), names=list(index))
     if len(index) == 1:
         levels = levels.get_level_values(0)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from eutree.arrays import Booleans, Floats, Integers
-from eutree.errors import InvalidArgumentError, MissingExtraError
+from eutree.errors import InvalidArgumentError, needed
 from eutree.evaluation import Estimate, Interval
 from eutree.policy_search.model_trust import with_interval
 from eutree.validation import check_vector
@@ -25,10 +25,8 @@ RESAMPLES = 9999
 
 def stats() -> Any:
     """Return the module scipy.stats, or raise MissingExtraError."""
-    try:
+    with needed("scipy", "lab"):
         from scipy import stats
-    except ImportError:
-        raise MissingExtraError("scipy", "lab") from None
     return stats
 
 

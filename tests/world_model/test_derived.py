@@ -12,11 +12,9 @@ from eutree.features import Derivation
 from eutree.learners.learner import Problem, Start
 from eutree.learners.planning import PlanningMethod
 from eutree.schema import Schema
-from eutree.trees import DecisionTree
 from eutree.world_model import fit_world_models
 from eutree.world_model._kernels_formulas import derive, formulas_of
 from eutree.world_model.action_trees import packed
-from eutree.world_model.dynamics import hold
 from eutree.world_model.rollouts import PairedRollouts
 from eutree.world_model.transitions import seen_as
 from tests import random_formulas
@@ -77,16 +75,6 @@ def test_a_world_of_trees_computes_them():
 def test_without_their_formulas_they_are_predicted_and_drift_away():
     before, after = planned(replace(spins(100, 0), derivation=Derivation(0)))
     assert np.abs(WHEEL.rows(after[:, :5], before[:, :7]) - after[:, :7]).max() > 0.1
-
-
-def test_held_actions_lead_to_computed_ones():
-    data = replace(spins(100, 0), memory=False)
-    (model,) = fit_world_models(data, (0.5,))
-    box = np.full(7, -99.0), np.full(7, 99.0)
-    starts, actions = data.observations[:50], data.actions[:50]
-    whole = DecisionTree.single_leaf(7)
-    ended = hold(model, whole, box, starts, actions, discount=0.9, longest=1)[0]
-    assert WHEEL.rows(ended[:, :5], starts).tolist() == ended.tolist()
 
 
 @pytest.mark.parametrize("history", [0, 1])

@@ -11,7 +11,7 @@ from eutree.arrays import Booleans, Floats, Int32s, Integers
 from eutree.c45.growing import C45Settings, Dialect, grow
 from eutree.c45.tree import C45Names, C45Tree, to_text
 from eutree.display import framed
-from eutree.errors import InvalidArgumentError, MissingExtraError, UnknownNameError
+from eutree.errors import InvalidArgumentError, UnknownNameError, needed
 from eutree.trees import DecisionTree
 from eutree.validation import check_choice
 
@@ -147,13 +147,11 @@ def _numbers(column: NDArray[Any], j: int) -> Floats:
     return numbers
 
 
-try:
+with needed("scikit-learn", "sklearn"):
     from sklearn.base import BaseEstimator, ClassifierMixin
     from sklearn.utils.class_weight import compute_sample_weight
     from sklearn.utils.multiclass import check_classification_targets
     from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
-except ImportError as error:
-    raise MissingExtraError("scikit-learn", "sklearn") from error
 
 
 class C45Classifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # sklearn has no types

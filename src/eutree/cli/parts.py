@@ -22,7 +22,7 @@ from eutree.cli._options import output as output_option
 from eutree.cli._options import seed as seed_option
 from eutree.cli._options import together
 from eutree.cli._output import Output, ProgressLine
-from eutree.errors import InvalidArgumentError, MissingExtraError
+from eutree.errors import InvalidArgumentError, MissingExtraError, needed
 
 __all__ = [
     "Output", "ProgressLine", "cluster", "count_option", "env_arg_option", "json_option",
@@ -81,10 +81,8 @@ def cluster(backend: str, address: str | None) -> Iterator[None]:
 
 
 def _dask_client(address: str) -> Any:
-    try:
+    with needed("dask.distributed", "cluster"):
         from distributed import Client
-    except ImportError:
-        raise MissingExtraError("dask.distributed", "cluster") from None
     is_file = address.endswith(".json")
     end = time.monotonic() + PATIENCE
     try:

@@ -31,7 +31,7 @@ from eutree.errors import (
     FileError,
     FormatError,
     InvalidArgumentError,
-    MissingExtraError,
+    needed,
 )
 from eutree.files.documents import decode_document, encode_document
 from eutree.files.schema_document import environment_from_document, schema_from_document
@@ -141,10 +141,8 @@ def _env_spec(environment: EnvironmentSpec, name: str) -> dict[str, str]:
 
 
 def _minari() -> Any:
-    try:
+    with needed("minari", "minari"):
         return import_module("minari")
-    except ImportError:
-        raise MissingExtraError("minari", "minari") from None
 
 
 def _checked_id(dataset_id: str) -> str:

@@ -130,32 +130,21 @@ def show(
 
 
 @compiled
-def begin_all(copies: Copies, observations: Floats) -> None:  # observations: [E, d] out
-    """Begin the next episode of every copy and show them all."""
-    constants, uniforms, positions = copies.constants, copies.uniforms, copies.positions
-    opponents, directions, steps = copies.opponents, copies.directions, copies.steps
-    for e in range(positions.size):
-        begin(e, constants, uniforms, positions, opponents, directions, steps)
-        show(e, positions, opponents, directions, observations)
-
-
-@compiled
 def advance_all(
     actions: Integers,  # [E]
-    waiting: Booleans,  # [E] ended at the step before: begin an episode instead of moving
+    begins: Booleans,  # [E] begin an episode instead of moving
     max_steps: int,
     copies: Copies,
     observations: Floats,  # [E, d] out
     rewards: Floats,  # [E] out
     endings: Int32s,  # [E] out
-) -> int:
-    """Move every copy one step, or begin its next episode; return how many episodes ended."""
+) -> None:
+    """Move every copy one step, or begin its next episode, and show them all."""
     constants, uniforms, positions = copies.constants, copies.uniforms, copies.positions
     opponents, directions, steps = copies.opponents, copies.directions, copies.steps
     crossing, noise = copies.crossing, copies.noise
-    ended = 0
     for e in range(actions.size):
-        if waiting[e]:
+        if begins[e]:
             begin(e, constants, uniforms, positions, opponents, directions, steps)
             rewards[e], endings[e] = 0.0, RUNNING
         else:
@@ -168,6 +157,4 @@ def advance_all(
             elif how == COLLISION:
                 price += constants[7]
             rewards[e], endings[e] = price, how
-            ended += how != RUNNING
         show(e, positions, opponents, directions, observations)
-    return ended

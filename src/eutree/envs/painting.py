@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eutree.envs._dynamics import EvasionParameters, EvasionState, collides, reflect
-from eutree.errors import MissingExtraError
+from eutree.errors import needed
 
 Color = tuple[int, ...]
 
@@ -29,11 +29,9 @@ SHADOW = (60, 56, 48)
 def import_pygame() -> Any:
     """Return the module pygame, or raise MissingExtraError."""
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
-    try:
+    with needed("pygame-ce", "record"):
         import pygame
         import pygame.surfarray  # pygame loads it only when asked
-    except ImportError:
-        raise MissingExtraError("pygame-ce", "record") from None
     return pygame
 
 

@@ -11,7 +11,7 @@ from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from eutree.arrays import Booleans, Floats, Integers
+from eutree.arrays import Booleans, Floats, Int32s, Integers
 from eutree.envs import _dynamics as dynamics
 from eutree.envs import _kernels as kernels
 from eutree.envs._dynamics import ENDINGS, GOAL, RUNNING, TIME_LIMIT, EvasionParameters
@@ -118,11 +118,10 @@ class EvasionVectorEnv(VectorEnv[Floats, Integers, Any]):
             options: None are known.
         """
         self._seed(seed)
-        self._draw(np.ones(self.num_envs, dtype=np.bool_))
-        self._waiting = np.zeros(self.num_envs, dtype=np.bool_)
+        every = np.ones(self.num_envs, dtype=np.bool_)
+        self._draw(every)
         self._is_ready = True
-        observations = self._empty_observations()
-        kernels.begin_all(self._copies, observations)
+        observations, *_ = self._advance(np.zeros(self.num_envs, dtype=np.int64), every)
         return observations, {}
 
     def step(self, actions: Integers) -> tuple[Floats, Floats, Booleans, Booleans, dict[str, Any]]:
@@ -132,15 +131,9 @@ class EvasionVectorEnv(VectorEnv[Floats, Integers, Any]):
         began = self._waiting
         if self._goes_on:
             self._draw(began)
-        observations = self._empty_observations()
-        rewards = np.empty(self.num_envs)
-        endings = np.empty(self.num_envs, dtype=np.int32)
-        n_ended = kernels.advance_all(
-            actions, began, self.parameters.max_steps, self._copies, observations, rewards, endings
-        )
-        self._waiting = endings != RUNNING
+        observations, rewards, endings = self._advance(actions, began)
         info: dict[str, Any] = {"is_success": endings == GOAL, "_is_success": ~began}
-        if n_ended:
+        if self._waiting.any():
             info["ending"] = _ENDING_NAMES[endings]
             info["_ending"] = self._waiting.copy()
         truncated = endings == TIME_LIMIT
@@ -174,8 +167,14 @@ class EvasionVectorEnv(VectorEnv[Floats, Integers, Any]):
                     generator = _first_draws(seeds[e], uniforms.shape, noise.shape)
                 self._draws[e] = (generator.random, uniforms, generator.standard_normal, noise)
 
-    def _empty_observations(self) -> Floats:
-        return np.empty((self.num_envs, self.parameters.n_features))
+    def _advance(self, actions: Integers, begins: Booleans) -> tuple[Floats, Floats, Int32s]:
+        """Move each copy or begin its episode; return observations, rewards and endings."""
+        observations = np.empty((self.num_envs, self.parameters.n_features))
+        rewards, endings = np.empty(self.num_envs), np.empty(self.num_envs, dtype=np.int32)
+        steps = self.parameters.max_steps
+        kernels.advance_all(actions, begins, steps, self._copies, observations, rewards, endings)
+        self._waiting = endings != RUNNING
+        return observations, rewards, endings
 
     def _check_reset(self) -> None:
         if not self._is_ready:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from eutree.errors import MissingExtraError
+from eutree.errors import needed
 from eutree.export._code import ASSUMPTION
 from eutree.policies import TreePolicy
 
@@ -106,11 +106,9 @@ def _metadata(policy: TreePolicy) -> dict[str, str]:
 
 def _onnx() -> ModuleType:
     """Import onnx, or say how to install it."""
-    try:
+    with needed("onnx", "onnx"):
         import onnx
         import onnx.checker
         import onnx.helper
-    except ImportError:
-        raise MissingExtraError("onnx", "onnx") from None
     module: ModuleType = onnx
     return module

@@ -132,14 +132,8 @@ def _relabelled(
 
 
 def _leaves_below(tree: DecisionTree, nodes: Iterable[int]) -> list[int]:
-    below, work = [], [check_integer("node", node, high=tree.n_nodes - 1) for node in nodes]
-    while work:
-        node = work.pop()
-        if tree.feature[node] == tree.NO_FEATURE:
-            below.append(int(tree.leaf[node]))
-        else:
-            work += [int(tree.left[node]), int(tree.right[node])]
-    return below
+    above = {check_integer("node", node, high=tree.n_nodes - 1) for node in nodes}
+    return [leaf for leaf in range(tree.n_leaves) if above.intersection(tree.path(leaf))]
 
 
 def _warnings(before: TreePolicy, after: TreePolicy) -> list[str]:

@@ -176,13 +176,8 @@ def with_grid_of(env: gymnasium.Env[Any, Any], schema: Schema) -> gymnasium.Env[
     Raises:
         InvalidArgumentError: The environment has a grid of other levels.
     """
-    if not schema.controls:
-        return env
-    grid = grid_around(env)
-    if grid is None:
-        return env if counts_from_zero(env.action_space) else GriddedAction(env, schema.controls)
-    _check_same_levels(grid.controls, schema.controls)
-    return env
+    is_choice = grid_around(env) is None and counts_from_zero(env.action_space)
+    return env if is_choice or not schema.controls else with_grid(env, schema.controls)
 
 
 def with_grid(env: gymnasium.Env[Any, Any], grid: Grid) -> gymnasium.Env[Any, Any]:

@@ -8,6 +8,7 @@ of 32.
 
 import logging
 from collections.abc import Sequence
+from contextlib import closing, nullcontext
 from dataclasses import dataclass
 from enum import IntEnum, unique
 from typing import Any
@@ -102,11 +103,8 @@ class RunPairs:
 
     def __call__(self, pairs: Sequence[tuple[TreePolicy, int]]) -> list[Episode]:
         """Make the environment, and run each tree from the seed beside it."""
-        env = self.recipe.make()
-        try:
+        with closing(self.recipe.make()) as env:
             return run_pairs(env, pairs, strict=self.strict)
-        finally:
-            env.close()
 
     def over(
         self, workers: Workers, pairs: Sequence[tuple[TreePolicy, int]], most: int
@@ -207,17 +205,13 @@ def replay(
     """
     if not demonstrations.episodes:
         raise InvalidArgumentError("there are no episodes to replay")
-    world = environment_for(demonstrations) if env is None else env
-    guarded = GuardedEnv(acting_as(world, demonstrations))
-    check_same_environment(demonstrations, guarded)
-    try:
+    world = closing(environment_for(demonstrations)) if env is None else nullcontext(env)
+    with world as opened:
+        guarded = GuardedEnv(acting_as(opened, demonstrations))
+        check_same_environment(demonstrations, guarded)
         return [
-            _replay_episode(number, episode, guarded)
-            for number, episode in enumerate(demonstrations.episodes)
+            _replay_episode(*numbered, guarded) for numbered in enumerate(demonstrations.episodes)
         ]
-    finally:
-        if env is None:
-            guarded.env.close()
 
 
 def environment_for(

@@ -6,18 +6,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from eutree.arrays import Floats, Int32s, Integers
-from eutree.errors import InvalidArgumentError, MissingExtraError
+from eutree.errors import InvalidArgumentError, needed
 from eutree.policies.tree_policy import TreePolicy
 from eutree.validation import check_choice, check_kind
 
-try:
+with needed("scikit-learn", "sklearn"):
     from sklearn.base import BaseEstimator, ClassifierMixin
     from sklearn.tree import DecisionTreeClassifier
     from sklearn.tree._tree import Tree
     from sklearn.utils.metaestimators import available_if
     from sklearn.utils.validation import _check_n_features, check_array
-except ImportError as error:
-    raise MissingExtraError("scikit-learn", "sklearn") from error
 
 
 def _counts_are_known(estimator: "TreePolicyClassifier") -> bool:

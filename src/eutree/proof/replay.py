@@ -19,7 +19,7 @@ from eutree.proof.certificate import Certificate, Pieces, Starts
 from eutree.proof.intervals import Intervals, Truth
 from eutree.proof.plant import Plant, State, plant_of
 
-_MOST_STEPS = 10_000  # of an episode that is played to break a property
+_SEEDS, _MOST_STEPS = 200, 10_000  # of an episode that is played to break a property
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +71,7 @@ def _chosen(policy: TreePolicy, observation: Any) -> int:
 
 
 def breaking_seed(
-    plant: Plant, policy: TreePolicy, broken: Callable[[State], Truth], *, episodes: int = 200
+    plant: Plant, policy: TreePolicy, broken: Callable[[State], Truth]
 ) -> dict[str, int] | None:
     """Return the seed and step of a real episode that breaks conditions; None if none does.
 
@@ -79,10 +79,9 @@ def breaking_seed(
         plant: Makes the environment.
         policy: Chooses the actions.
         broken: Whether states break them.
-        episodes: How many are played, of the seeds 0, 1, 2 ...
     """
     env = plant.make()
-    for seed in range(episodes):
+    for seed in range(_SEEDS):
         observation, _ = env.reset(seed=seed)
         over, steps = False, 0
         while not over and steps < _MOST_STEPS:

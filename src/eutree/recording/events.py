@@ -73,13 +73,9 @@ class Seen(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="drawn")
 
 @dataclass(frozen=True)
 class Away:
-    """Focus or connection was lost: all keys count as released, a running episode pauses.
-
-    ``gone`` says that the viewer itself is gone, and not only out of sight.
-    """
+    """Focus or connection was lost: all keys count as released, a running episode pauses."""
 
     reason: str
-    gone: bool = False
 
 
 @dataclass(frozen=True)

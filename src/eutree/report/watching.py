@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from eutree.arrays import Floats
 from eutree.data import Episode
-from eutree.errors import EnvironmentFault, EutreeError, InvalidArgumentError, MissingExtraError
+from eutree.errors import EnvironmentFault, EutreeError, InvalidArgumentError, needed
 from eutree.interaction import GuardedEnv, episode_seed, run_episode
 from eutree.interaction.deriving import acting_as
 from eutree.interaction.episode import Stream
@@ -184,10 +184,8 @@ class _FilmedEnv(GuardedEnv):
 
 def encode(picture: NDArray[np.uint8]) -> bytes:
     """Return a picture, shape [height, width, 3], as WebP, at most 480 pixels wide."""
-    try:
+    with needed("pillow", "record"):
         from PIL import Image
-    except ImportError:
-        raise MissingExtraError("pillow", "record") from None
     image = Image.fromarray(picture)
     if image.width > _WIDTH:
         height = max(1, round(_WIDTH * image.height / image.width))

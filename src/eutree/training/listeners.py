@@ -22,7 +22,7 @@ from typing import Any
 import gymnasium
 from numpy.typing import ArrayLike
 
-from eutree.errors import InvalidArgumentError, MissingExtraError, shown
+from eutree.errors import InvalidArgumentError, needed, shown
 from eutree.files import make_folder
 from eutree.learners import Step
 from eutree.policies import TreePolicy
@@ -100,10 +100,8 @@ class TensorBoard(Listener):
             InvalidArgumentError: The folder holds the log of another run.
             MissingExtraError: tensorboardX is not installed.
         """
-        try:
+        with needed("tensorboardX", "tensorboard"):
             from tensorboardX import SummaryWriter
-        except ImportError:
-            raise MissingExtraError("tensorboardX", "tensorboard") from None
         folder = make_folder(self._path)
         earlier = len(list(folder.glob("events.out.tfevents.*")))
         if not run.state.events and earlier:

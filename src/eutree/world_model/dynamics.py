@@ -17,7 +17,6 @@ import numpy as np
 
 from eutree.arrays import Booleans, Floats, Integers
 from eutree.features import Derivation, threshold_between
-from eutree.trees import DecisionTree
 from eutree.world_model import _kernels_chances
 from eutree.world_model import _kernels_regression as kernels
 from eutree.world_model._kernels import NodeTests, World
@@ -392,36 +391,3 @@ def unrolled(trees: Sequence[ModelTree], derivation: Derivation, n_actions: int)
     lines, noise = out.lines[:n_lines], out.noise[:n_lines]
     rest = residuals, formulas_of(derivation), 1, np.zeros(1, dtype=np.int64)
     return World(roots, levels, tests, out.rows[:n_nodes], lines, noise, *rest)
-
-
-def hold(
-    model: WorldModel,
-    tree: DecisionTree,
-    box: tuple[Floats, Floats],
-    places: Floats,
-    actions: Integers,
-    *,
-    discount: float,
-    longest: int,
-) -> tuple[Floats, Floats, Floats, Integers]:  # [N, d], [N], [N], [N]
-    """Hold actions until trajectories leave the leaves that they first entered.
-
-    Args:
-        model: The world model, fitted without memory of displacements; its noise is left out.
-        tree: The leaves.
-        box: Lower and upper corner of the whole, to which trajectories are clipped, each [d].
-        places: Where to start, shape [N, d].
-        actions: Action to hold from each place, shape [N].
-        discount: Weight of the next step.
-        longest: Steps that an action is held at most.
-
-    Returns:
-        Where trajectories ended, their discounted rewards, discount^tau times the chance to go on,
-        and the leaf they ended in.
-    """
-    places = np.array(places, dtype=np.float64, order="C")
-    n = len(places)
-    actions = np.ascontiguousarray(actions, dtype=np.int64)
-    held = _kernels_chances.Held(actions, places, np.empty(n), np.empty(n), np.empty(n, np.int64))
-    _kernels_chances.hold(model.world, tree.nodes, *box, discount, longest, held)
-    return held.places, held.rewards, held.weights, held.entered

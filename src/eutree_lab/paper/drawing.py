@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from eutree.arrays import Floats
-from eutree.errors import MissingExtraError
+from eutree.errors import needed
 from eutree.evaluation import mean_interval
 from eutree_lab.paper.experiment import Records
 
@@ -50,10 +50,8 @@ def drawn(name: str, make: "Callable[[], Figure]", *formats: str) -> list[bytes]
     Raises:
         MissingExtraError: matplotlib is not installed.
     """
-    try:
+    with needed("matplotlib", "plot"):
         import matplotlib as mpl
-    except ImportError:
-        raise MissingExtraError("matplotlib", "plot") from None
     files = [BytesIO() for _ in formats]
     # A fixed salt and no date.
     with mpl.rc_context({"svg.hashsalt": name, "svg.fonttype": "path"}):

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from eutree.arrays import Floats, Integers
 from eutree.mdp import Model, Solution, solve
 from eutree.world_model import WorldModel
-from eutree.world_model.dynamics import hold
+from eutree_lab.vrd import _kernels_holding as kernels
 from eutree_lab.vrd.kuhn import Grid
 
 Dynamics: TypeAlias = Callable[[Floats, Integers], tuple[Floats, Floats, Floats]]
@@ -134,10 +134,11 @@ class ModelledWorld:
         self, grid: Grid, places: Floats, actions: Integers
     ) -> tuple[Floats, Floats, Floats, Integers]:
         """Hold actions as the model expects."""
-        return hold(
-            self.model, grid.tree, grid.box, places, actions,
-            discount=self.discount, longest=self.longest,
-        )  # fmt: skip
+        ends, n = np.array(places, order="C"), len(places)
+        held = kernels.Held(actions, ends, np.empty(n), np.empty(n), np.empty(n, dtype=np.int64))
+        world, nodes = self.model.world, grid.tree.nodes
+        kernels.hold(world, nodes, *grid.box, self.discount, self.longest, held)
+        return ends, held.rewards, held.weights, held.entered
 
 
 @dataclass(frozen=True, eq=False)

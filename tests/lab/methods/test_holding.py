@@ -1,8 +1,13 @@
 """What a world model expects of held actions, against its trees read one by one."""
 
+from dataclasses import replace
+
 import numpy as np
 
+from eutree.features import Derivation
+from eutree.schema import Schema
 from eutree.world_model import Transitions, fit_world_models
+from eutree.world_model.transitions import seen_as
 from eutree_lab.vrd.corner_process import KnownWorld, ModelledWorld, rows
 from eutree_lab.vrd.kuhn import Grid
 
@@ -67,3 +72,20 @@ def test_held_actions_are_those_of_the_trees():
     assert learned.n_steps_taken == known.n_steps_taken > points.shape[0] * 3
     assert (one.discount < 0.3).any()
     assert (one.discount > 0.5).any()
+
+
+def test_held_actions_lead_to_computed_features():
+    derivation = Derivation.of(
+        Schema.anonymous(2, 3).derive(["both = x0 * x1", "moved = x0 - last(x0)"])
+    )
+    data = walk(np.random.default_rng(1))
+    before = derivation.rows(data.observations)
+    after = derivation.rows(data.next_observations, before)
+    told = replace(data, observations=before, next_observations=after)
+    (model,) = fit_world_models(seen_as(derivation, told), [0.5])
+    grid = Grid.uniform(np.full(4, -9.0), np.full(4, 9.0), (1,) * 4)
+    world = ModelledWorld(model, 3, 0.9, longest=1)
+    starts = before[:50]
+    ended, *_ = world.hold(grid, starts, data.actions[:50])
+    assert (ended[:, :2] != starts[:, :2]).any(axis=1).all()
+    assert derivation.rows(ended[:, :2], starts).tolist() == ended.tolist()

@@ -14,7 +14,7 @@ from weakref import WeakSet
 
 import msgspec
 
-from eutree.errors import EutreeError, InvalidArgumentError, MissingExtraError
+from eutree.errors import EutreeError, InvalidArgumentError, needed
 from eutree.recording.browser.wire import (
     MAX_MESSAGE,
     PROTOCOL,
@@ -124,7 +124,7 @@ class PageServer:
             InvalidArgumentError: The port is taken, or the address is not this machine's.
         """
         server = await self._listen()
-        self._add(Away(UNOPENED, gone=True))
+        self._add(Away(UNOPENED))
         try:
             if on_ready is not None:
                 on_ready(self)
@@ -135,10 +135,8 @@ class PageServer:
             await self._end(server)
 
     async def _listen(self) -> "Server":
-        try:
+        with needed("websockets", "record"):
             from websockets.asyncio.server import ServerConnection, serve
-        except ImportError:
-            raise MissingExtraError("websockets", "record") from None
 
         def opened(*arguments: Any, **options: Any) -> ServerConnection:
             connection = ServerConnection(*arguments, **options)
@@ -267,7 +265,7 @@ class PageServer:
             self._viewers.remove(viewer)
         if viewer is not None and viewer is self._driver:
             self._driver = None
-            self._add(Away(LEFT, gone=True))
+            self._add(Away(LEFT))
         for other in self._viewers:
             other.show({"role": self._role(other)})
 

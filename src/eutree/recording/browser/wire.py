@@ -20,7 +20,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from eutree.errors import InvalidArgumentError, MissingExtraError, UnknownNameError
+from eutree.errors import InvalidArgumentError, UnknownNameError, needed
 from eutree.recording.events import Command, Number, Seen
 from eutree.recording.keys import check_key
 from eutree.recording.session import Session
@@ -99,10 +99,8 @@ def decode(text: str | bytes) -> Message:
 
 def encode_picture(number: int, sequence: int, pixels: NDArray[np.uint8]) -> bytes:
     """Return a picture's message: its header and the JPEG."""
-    try:
+    with needed("pillow", "record"):
         from PIL import Image
-    except ImportError:
-        raise MissingExtraError("pillow", "record") from None
     buffer = io.BytesIO()
     Image.fromarray(pixels).save(buffer, "JPEG", quality=JPEG_QUALITY)
     jpeg = buffer.getvalue()
