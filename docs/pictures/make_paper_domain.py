@@ -33,9 +33,10 @@ see: 30 x 22 x 22 cells, {transitions:,} steps of random play, {evaluated:,} fre
 From nothing `default` reached 32.5 % and one leaf here at commit 536a0ee. Any one stop on the way
 brings the agent past the second opponent, so the box of states in which a single stop paid most was
 nearly all of them; to stop in all of them earns nothing, so it was refused, and no other was tried.
-The figures below are of a learner that also tried boxes in which fewer stops pay, each of them
-more. Since then it begins at lucky episodes where one action is all that it knows, and these boxes
-[went](../decisions/from-nothing.md).
+Now a learner that knows but one action also tries boxes in which fewer stops pay, each of them more
+(`Improvement.improve`, `begin`). In `eutree/Evasion2-v0` from nothing (4 seeds, 400 episodes, the
+same rule also within runs) it came to 98.3 % and 90.1, against 98.5 % and 90.4 before; on CartPole
+and MountainCar (2 seeds, 200 and 150 episodes) nothing changed. From a tree nothing changed at all.
 
 | learner | preset | success % | return | leaves |
 |---|---|---|---|---|

@@ -313,3 +313,11 @@ def test_columns_of_strings_point_to_nominal_features():
     with pytest.raises(InvalidArgumentError, match=r"say nominal_features=\[0, 2\], or"):
         C45Classifier().fit(three, [0, 1])
     assert C45Classifier(nominal_features=[0]).fit(rows, [0, 1]).n_features_in_ == 2
+
+
+def test_weights_that_allow_no_split_are_said():
+    X, y = load_iris(return_X_y=True)
+    with pytest.warns(UserWarning, match="the weights add up to 1: no test has two branches"):
+        one = C45Classifier().fit(X, y, sample_weight=np.full(150, 1 / 150))
+    assert len(set(one.predict(X))) == 1
+    assert C45Classifier().fit(X, y, sample_weight=np.ones(150)).score(X, y) > 0.9

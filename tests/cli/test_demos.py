@@ -11,6 +11,7 @@ import pytest
 import eutree
 from eutree.cli.main import run
 from eutree.data import DemonstrationFolder, Demonstrations
+from eutree.errors import InvalidArgumentError
 from eutree.interaction.names import kinds_of
 from eutree.schema import Schema
 from tests.files.faults import Operations, use_operations
@@ -308,3 +309,35 @@ def test_one_episode_without_rewards_is_said_to_have_none(ask, tmp_path, capsys)
     said = capsys.readouterr().out
     assert said.startswith("1 episode (0 discarded), 2 transitions\nshown: unknown returns in 1 ")
     assert "1 episodes" not in (tmp_path / "days.html").read_text()
+
+
+def test_a_check_is_made_with_the_arguments_that_are_given(folder, ask):
+    assert ask("check", folder, "--env-arg", "noise=0", code=1)["equal"] == 0
+    assert ask("check", folder, "--env-arg", "noise=0.02")["equal"] == 3
+
+
+def test_an_import_derives_features_and_takes_no_arguments_without_an_environment(tmp_path, ask):
+    log = tmp_path / "log.csv"
+    log.write_text("episode,action,x,y\n0,a,1,2\n0,b,3,5\n")
+    ask("import", log, "--derive", "gap = y - x", "--out", tmp_path / "a")
+    (episode,) = Demonstrations.load(tmp_path / "a")
+    assert episode.observations[:, 2].tolist() == [1.0, 2.0]
+    said = ask("import", log, "--env-arg", "foo=1", "--out", tmp_path / "b", code=2)
+    assert "an argument of the environment needs --env, got foo" in said
+
+
+def test_demonstrations_of_another_task_are_refused(folder, recorded, tmp_path, capsys):
+    policy = tmp_path / "policy.json"
+    eutree.fit_expert_tree(recorded).save(policy)
+    cart_pole = eutree.record("CartPole-v1", lambda o: int(o[2] > 0), episodes=1, seed=0)
+    cart_pole.save(tmp_path / "other")
+    for command in (
+        ["show", str(policy), "--html", str(tmp_path / "a.html"), "--episodes", "0"],
+        ["verify", str(policy), "--property", "no dead leaves"],
+    ):
+        assert run([*command, "--demos", str(tmp_path / "other")]) == 2
+        said = capsys.readouterr().err
+        assert "of the policy's task eutree/Evasion2-v0 (features, actions: (3, 2))" in said
+        assert "got CartPole-v1 (4, 2)" in said
+    with pytest.raises(InvalidArgumentError, match="demonstrations must be Demonstrations"):
+        eutree.why(eutree.fit_expert_tree(recorded), [0.0, 1.0, 2.0], demonstrations=3)

@@ -139,6 +139,20 @@ def test_npz_of_other_libraries_is_read(tmp_path):
         Demonstrations.from_npz(path)
 
 
+@pytest.mark.parametrize("beside", ["truncations", "terminations", "episode_starts"])
+def test_npz_knows_of_dones_and_one_kind_of_end_the_other(tmp_path, beside):
+    arrays = {"truncations": [0, 0, 0, 1], "terminations": [0, 1, 0, 0]}
+    arrays["episode_starts"] = [1, 0, 1, 0]
+    rows = np.arange(4.0)[:, np.newaxis]
+    path = tmp_path / "demos.npz"
+    ends = {"dones": [0, 1, 0, 1], beside: arrays[beside]}
+    np.savez(path, obs=rows, acts=[0, 1, 0, 1], next_obs=rows + 1, **ends)
+    back = Demonstrations.from_npz(path)
+    known = beside != "episode_starts"
+    assert [e.terminated for e in back] == [True, not known]
+    assert [e.truncated for e in back] == [False, known]
+
+
 def test_csv_keeps_everything_but_step_records(tmp_path):
     path = tmp_path / "demos.csv"
     demos = three_episodes(SPEC)

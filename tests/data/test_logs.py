@@ -1,5 +1,6 @@
 """Logs as machines write them: what is read, and what is asked for in one line."""
 
+import re
 import time
 
 import numpy as np
@@ -9,6 +10,7 @@ from eutree.data import Demonstrations, LogFormat
 from eutree.data.log_format import label, seconds_of
 from eutree.errors import FormatError, InvalidArgumentError
 from eutree.policies import TreePolicy
+from eutree.schema import Control, Feature, Schema, combined_actions
 from eutree.trees import DecisionTree
 
 PLANT = (
@@ -314,3 +316,84 @@ def test_a_time_of_another_form_is_read_as_the_message_says(tmp_path, stamp):
     form = str(failure.value).split("--time-format '")[1].split("'")[0]
     log = LogFormat(time="when", time_format=form)
     assert len(Demonstrations.from_csv(path, log=log)) == 1
+
+
+def table(tmp_path, *lines, log=None, **options):
+    path = tmp_path / "log.csv"
+    path.write_text("\n".join(lines) + "\n")
+    return Demonstrations.from_csv(path, log=log, **options)
+
+
+def test_the_row_behind_the_last_action_holds_nothing(tmp_path):
+    rows = "episode,action,reward,terminated,x", "0,on,1,,1", "0,,2,,2", "0,,,true,3"
+    (episode,) = table(tmp_path, *rows, log=LogFormat(missing="hold"))
+    assert episode.observations.ravel().tolist() == [1.0, 2.0, 3.0]
+    assert episode.actions.tolist() == [0, 0]
+    assert episode.rewards.tolist() == [1.0, 2.0]
+    assert episode.terminated
+    assert not episode.extras
+
+
+TASK = Schema((Feature("level", "m"), Feature("speed", "m/s"), Feature("x")), ("stop", "go"))
+
+
+def test_columns_are_those_of_the_features_in_whatever_order(tmp_path):
+    rows = "episode,action,x,level [m],speed", "0,go,1,2,3", "0,,4,5,6"
+    demos = table(tmp_path, *rows, schema=TASK)
+    assert demos.episodes[0].observations.tolist() == [[2.0, 3.0, 1.0], [5.0, 6.0, 4.0]]
+    assert demos.episodes[0].actions.tolist() == [1]
+    named = table(tmp_path, "episode,action,a,b,c", "0,go,1,2,3", "0,,4,5,6", schema=TASK)
+    assert named.episodes[0].observations[0].tolist() == [1.0, 2.0, 3.0]
+
+
+@pytest.mark.parametrize(
+    ("head", "first", "said"),
+    [
+        ("action,x,b,c", "go,1,2,3", "columns must have the names of the features, level, speed"),
+        ("action,level [km],b,c", "go,1,2,3", "level must be in m, got a column in km"),
+        ("action,a,b", "go,1,2", "expected 3 features, got columns"),
+        ("action,action_name,a,b,c", "0,go,1,2,3", "0 must mean 'stop', got 'go'"),
+    ],
+)
+def test_columns_of_another_task_are_refused(tmp_path, head, first, said):
+    with pytest.raises(FormatError, match=re.escape(said)):
+        table(tmp_path, f"episode,{head}", f"0,{first}", f"0,{first}", schema=TASK)
+
+
+def test_steps_that_do_not_grow_are_two_episodes_under_one_name(tmp_path):
+    rows = "episode,step,action,x", "0,0,a,1", "0,3,a,2", "0,0,b,3"
+    assert len(table(tmp_path, *rows[:-1]).episodes) == 1
+    with pytest.raises(FormatError, match="line 4: step must grow within an episode, got 0 after"):
+        table(tmp_path, *rows)
+
+
+def test_columns_with_names_that_we_know_may_be_left_out(tmp_path):
+    rows = "episode,action,heater,reward,x", "0,7,on,1,2", "0,8,off,1,3"
+    own = {"columns": {"action": "heater"}}
+    with pytest.raises(FormatError, match=r"same name: 'action' \(leave out the other by --drop\)"):
+        table(tmp_path, *rows, **own)
+    demos = table(tmp_path, *rows, log=LogFormat(drop=("action", "reward")), **own)
+    assert demos.schema.feature_names == ("x",)
+    assert demos.schema.actions == ("on", "off")
+    assert not demos.episodes[0].has_rewards
+    with pytest.raises(FormatError, match="nominal must be a column of a feature, got 'reward'"):
+        table(tmp_path, *rows, log=LogFormat(nominal=("reward",), drop=("action",)), **own)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"one_episode": True, "time": "t", "episode_gap": 9.0}, "one_episode has no gap"),
+        ({"actions": ("on", "", "off")}, "actions must be names"),
+    ],
+)
+def test_formats_that_contradict_themselves_are_refused(options, said):
+    with pytest.raises(InvalidArgumentError, match=said):
+        LogFormat(**options)
+
+
+def test_quantities_are_levels_of_the_grid(tmp_path):
+    controls = (Control("torque", "N m", (-2.0, 0.0, 2.0)),)
+    schema = Schema((Feature("x"),), combined_actions(controls), controls)
+    demos = table(tmp_path, "episode,action,x", "0,-2.0,1", "0,2,2", "0,,3", schema=schema)
+    assert demos.episodes[0].actions.tolist() == [0, 2]

@@ -8,6 +8,7 @@ from gymnasium.wrappers import (
     FilterObservation,
     FlattenObservation,
     FrameStackObservation,
+    MaxAndSkipObservation,
     RecordEpisodeStatistics,
     TimeLimit,
     TransformAction,
@@ -148,6 +149,14 @@ def test_what_no_file_holds_is_no_spec():
         gymnasium.registry.pop("Tooled-v0")
 
 
+class Repeating(gymnasium.Wrapper):
+    """Takes each action twice."""
+
+    def step(self, action):
+        first = self.env.step(action)
+        return first if first[2] or first[3] else self.env.step(action)
+
+
 def scaled(env):
     """Return CartPole in other units, within the same bounds."""
     return TransformObservation(env, lambda observation: observation / 2, env.observation_space)
@@ -160,6 +169,8 @@ def scaled(env):
         lambda env: TransformReward(scaled(env), float),
         lambda env: TransformAction(env, lambda action: 1 - action, env.action_space),
         lambda env: FlattenObservation(FrameStackObservation(env, 2)),
+        lambda env: MaxAndSkipObservation(env, 4),
+        lambda env: Repeating(env),
     ],
 )
 def test_what_a_wrapper_changes_no_spec_makes_again(wrapped):

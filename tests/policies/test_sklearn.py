@@ -213,3 +213,12 @@ def test_what_is_no_classifier_is_refused():
     one = DecisionTreeClassifier().fit(rows[:, :2], rows[:, 0] > 0)
     with pytest.raises(InvalidArgumentError, match="classifier's 2 features, got 3"):
         TreePolicy.from_sklearn(one, EVASION)
+
+
+def test_columns_in_another_order_are_refused(policy, rows):
+    pandas = pytest.importorskip("pandas")
+    frame = pandas.DataFrame(rows, columns=list("abc"))
+    model = TreePolicyClassifier(policy)
+    np.testing.assert_array_equal(model.predict(frame), policy.predict(rows)[0])
+    with pytest.raises(InvalidArgumentError, match="X must have its columns in the order"):
+        model.predict(frame[["c", "a", "b"]])

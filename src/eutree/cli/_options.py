@@ -368,6 +368,7 @@ def _import_module(context: click.Context, parameter: click.Parameter, name: str
     if name is None or context.resilient_parsing:
         return
     look_in_this_folder()
+    name = name.removesuffix(".py")
     if not all(part.isidentifier() for part in name.split(".")):
         raise click.BadParameter(f"must be the name of a module, as in Python, got {shown(name)}")
     try:

@@ -52,9 +52,24 @@ def load_demonstrations(path: Path, policy: "TreePolicy | None" = None) -> "Demo
 
     demonstrations, names = Demonstrations.load(path), given_names()
     declared = (names and names.derived) or (policy and policy.schema.derived)
-    if not declared or demonstrations.schema.derived:
-        return demonstrations
-    return derive(demonstrations, declared)
+    if declared and not demonstrations.schema.derived:
+        demonstrations = derive(demonstrations, declared)
+    if policy is not None:
+        _check_task(path, demonstrations, policy)
+    return demonstrations
+
+
+def _check_task(path: Path, recorded: "Demonstrations", policy: "TreePolicy") -> None:
+    """Raise InvalidArgumentError unless demonstrations are of the policy's task."""
+    here, there = (of.environment.id if of.environment else "" for of in (recorded, policy))
+    sizes = recorded.schema.n_features, recorded.schema.n_actions
+    wanted = policy.observation_size, policy.schema.n_actions
+    names = recorded.schema.feature_names, policy.schema.feature_names[: wanted[0]]
+    if sizes != wanted or (here and there and here != there and names[0] != names[1]):
+        raise InvalidArgumentError(
+            f"{path} must hold demonstrations of the policy's task {there} (features, actions: "
+            f"{wanted}), got {here} {sizes}"
+        )
 
 
 def seen_in(demos: Path, policy: "TreePolicy") -> "Floats":

@@ -10,10 +10,10 @@ import click
 from eutree.cli import _options as option
 from eutree.cli._output import Result, figures_of
 from eutree.cli.fit import hurting
-from eutree.data import DemonstrationFolder, Demonstrations, Episode, LogFormat
-from eutree.data.csv_files import KNOWN, MAX_CSV, read_csv
+from eutree.data import DemonstrationFolder, Demonstrations, Episode, LogFormat, derive
+from eutree.data.csv_files import MAX_CSV, read_csv
 from eutree.data.episode import DROPPED
-from eutree.data.log_format import seconds_of
+from eutree.data.log_format import KNOWN, seconds_of
 from eutree.display import counted
 from eutree.errors import InvalidArgumentError, blamed
 from eutree.files import check_writable, read_bytes, write_text
@@ -176,7 +176,10 @@ def check(folder: Path, environment: str | None, env_arguments: dict[str, Any]) 
     The exit code is 0 if all are equal and 1 if one is not.
     """
     recorded, numbers = _all_of(folder)
-    env = None if environment is None else make(EnvironmentSpec(environment, env_arguments))
+    spec = recorded.environment if environment is None else EnvironmentSpec(environment)
+    env = None
+    if spec is not None and (environment or env_arguments):
+        env = make(spec.override(env_arguments))
     results = replay_all(recorded, env)
     problems = [
         {"episode": numbers[one.episode], "problem": one.problem}
@@ -282,6 +285,9 @@ def import_(
     )
     if kind != "csv" and (columns or delimiter is not None or log_format != LogFormat()):
         raise InvalidArgumentError(f"columns and --delimiter are for a file .csv, got {source!r}")
+    if environment is None and env_arguments:
+        given = ", ".join(env_arguments)
+        raise InvalidArgumentError(f"an argument of the environment needs --env, got {given}")
     known: dict[str, Any] = {}
     rows = {"filled": 0, "left out": 0}
     if environment is not None:
@@ -306,6 +312,8 @@ def import_(
     names = given_names()
     if names is not None:
         loaded = replace(loaded, schema=names.of(loaded.schema))
+        if names.derived and not loaded.schema.derived:
+            loaded = derive(loaded, names.derived)
     loaded.save(out)
     return _written(loaded, str(out), **rows)
 

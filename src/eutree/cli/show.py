@@ -64,6 +64,10 @@ def show(
     if run_html is not None:
         from eutree.report import report_of_run, run_page
 
+        if html is not None:
+            raise InvalidArgumentError(
+                "--html and --run-html are two pages, got both: ask for one after the other"
+            )
         check_writable(run_html)
         report = report_of_run(policy)
         write_text(run_html, run_page(report))
@@ -79,6 +83,7 @@ def show(
     }
     if html is None:
         return Result(values, drawn(loaded))
+    from eutree.interaction.making import make
     from eutree.proof import load_certificate
     from eutree.report import WatchedEpisode, policy_page
     from eutree.report.watching import watch_if_possible
@@ -88,6 +93,8 @@ def show(
     spec = loaded.environment and loaded.environment.override(env_arguments)
     watched: list[WatchedEpisode] = []
     problem = ""
+    if spec is not None and env_arguments:
+        make(spec).close()  # a mistake in what was given is no reason for a page without episodes
     if episodes:
         os.environ.setdefault("SDL_VIDEODRIVER", "dummy")  # pictures are drawn without a display
         with progress("playing", episodes) as line:

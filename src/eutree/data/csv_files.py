@@ -24,7 +24,18 @@ import numpy as np
 
 from eutree.arrays import Booleans, Floats, Integers
 from eutree.data.episode import ALLOWED, DROPPED, MAX_NAMES, Episode
-from eutree.data.log_format import HOLD, LEAVE_OUT, LogFormat, hint, is_nothing, is_quantity, label
+from eutree.data.log_format import (
+    HOLD,
+    KNOWN,
+    LEAVE_OUT,
+    MASKED,
+    LogFormat,
+    hint,
+    is_nothing,
+    is_quantity,
+    label,
+    order_of,
+)  # fmt: skip
 from eutree.errors import FormatError, InvalidArgumentError, blamed
 from eutree.files import opened_text, read_bytes, write_text
 from eutree.schema import Feature, Schema, numbered_actions
@@ -36,11 +47,6 @@ MAX_EPISODES = 100_000
 MAX_CATEGORIES = 100  # of one column: each is a feature
 SMALL = 18  # indices of actions below it are indices, whichever are missing: so many has Atari
 
-KNOWN = (
-    "episode", "step", "action", "action_name", "reward", "terminated", "truncated", "seed",
-    "ending", "is_success", "kept",
-)  # fmt: skip
-_MASKED = (*KNOWN, ALLOWED)  # of a table in which an action is masked
 _DELIMITERS = ",;\t|"
 _DECIMAL_COMMA = re.compile(r"\s*[-+]?\d+,\d+(?:[eE][-+]?\d+)?\s*")
 _INDEX = re.compile(r"[0-9]{1,5}")
@@ -68,7 +74,7 @@ def read_csv(
     """
     columns, log = columns or {}, log or LogFormat()
     for name in columns:
-        check_choice("columns", name, _MASKED)
+        check_choice("columns", name, MASKED)
     if delimiter is not None and (len(delimiter) != 1 or delimiter in '"\r\n'):
         raise InvalidArgumentError(
             f"delimiter must be one character, no quote and no end of line, got {delimiter!r}"
@@ -81,7 +87,7 @@ def read_csv(
                 text.seek(0)
             reader = csv.reader(text, strict=True, delimiter=delimiter)
             with blamed(path, "line 1"):
-                table = _Table(_renamed(next(reader, []), columns, log), delimiter, log)
+                table = _Table(log.columns_of(next(reader, []), columns), delimiter, log)
             for values in reader:
                 if values:  # else it is an empty line
                     table.add(values, reader.line_num)
@@ -106,42 +112,6 @@ def _no_text(path: str | Path) -> tuple[str, str]:
     return "", "not UTF-8 text"
 
 
-def _renamed(found: list[str], own: Mapping[str, str], log: LogFormat) -> list[str]:
-    """Return the columns of a table under the names that we know them by."""
-    if not found:
-        raise InvalidArgumentError("the file is empty: the first line must name the columns")
-    for name in own.values():
-        if name not in found:
-            raise InvalidArgumentError(f"there is no column {name!r} in {found}")
-    known = {theirs: name for name, theirs in own.items()}
-    columns = [known.get(column, column) for column in found]
-    for name in ("episode", "action"):
-        if name not in columns and not (name == "episode" and (log.time or log.one_episode)):
-            reason = (
-                f"there is no column {name!r} in {found}; required are 'episode' and 'action', "
-                "or columns named by --episode-column and --action-column "
-                "(in Python columns={'episode': ..., 'action': ...})"
-            )
-            if name == "episode":
-                reason += (
-                    "; where nothing marks the episodes, --time COLUMN, with --episode-gap 1h "
-                    "for those that a pause divides, or --one-episode"
-                )
-            if len(found) == 1:
-                reason += "; and what separates the values by --delimiter"
-            raise InvalidArgumentError(reason)
-    twice = sorted({name for name in columns if columns.count(name) > 1})
-    if twice:
-        names = ", ".join(map(repr, twice))
-        raise InvalidArgumentError(f"two columns have the same name: {names}")
-    for name in filter(None, (*log.drop, *log.nominal, log.time)):
-        if name not in columns:
-            raise InvalidArgumentError(f"there is no column {name!r} in {found}")
-    if log.one_episode and "episode" in columns:
-        raise InvalidArgumentError("one_episode is for a table without a column of the episodes")
-    return columns
-
-
 @dataclass(slots=True)
 class _EpisodeRows:
     """The rows of one episode so far, as numbers and not as text."""
@@ -164,7 +134,7 @@ class _Table:
     """
 
     def __init__(self, columns: list[str], delimiter: str, log: LogFormat) -> None:
-        apart = {*_MASKED, *log.drop, log.time, ""}  # rows are numbered in a column without a name
+        apart = {*MASKED, log.time, ""}  # without a name: numbers of rows, and what was dropped
         self._columns, self._log, self._has_comma = columns, log, delimiter != ","
         self._features = [column for column in columns if column not in apart]
         if not self._features:
@@ -176,10 +146,10 @@ class _Table:
         self._masks: dict[tuple[int, ...], int] = {}  # numbers of the sets of codes in allowed
         self._categories: dict[str, dict[str, int]] = {name: {} for name in log.nominal}
         self._numbers = [column for column in self._features if column not in log.nominal]
-        self._texts = [*log.nominal, *(("action",) if log.missing == HOLD else ())]
         self._groups: list[_EpisodeRows] = []
         self._present: dict[str, _EpisodeRows] = {}  # of each episode that may go on
         self._times: dict[str, float] = {}  # of its last row
+        self._order: slice | list[int] = slice(None)  # of the features, as a schema has them
         self._size = self.filled = self.left_out = 0
         self.line = 1
 
@@ -223,51 +193,67 @@ class _Table:
     def _fill(self, name: str, row: dict[str, str]) -> bool:
         """Fill the empty cells of a row; return False where it is to be left out."""
         empty = [column for column in self._numbers if is_nothing(row[column])]
-        empty += [column for column in self._texts if not row[column].strip()]
+        empty += [column for column in self._log.nominal if not row[column].strip()]
         if empty and self._log.missing == LEAVE_OUT:
             self._present.pop(name, None)
             return False
         before = self._present.get(name)
+        if self._log.missing == HOLD and before is None and not row["action"]:
+            return False  # there is nothing yet to hold
         for column in empty:
             if self._log.missing != HOLD:
                 row[column] = self._log.missing
             elif before is not None:
                 row[column] = before.last_row[column]
             else:
-                return False  # there is nothing yet to hold
+                return False
         self.filled += bool(empty)
         return True
 
     def _add(self, group: _EpisodeRows, row: dict[str, str]) -> None:
-        if group.observations and not group.last_row["action"]:
-            self.line = group.last_line
+        before = group.last_row
+        if group.observations and not before["action"]:
+            if self._log.missing != HOLD:
+                self.line = group.last_line
+                raise InvalidArgumentError(
+                    "only an episode's last row may have no action; by --missing hold the one "
+                    "before it goes on"
+                )
+            before["action"] = list(self._codes)[group.actions[-1]]
+            self.filled += 1
+            self._act(group, before)
+        if before and _number_of(row) <= _number_of(before):
             raise InvalidArgumentError(
-                "only an episode's last row may have no action; by --missing hold the one before "
-                "it goes on"
+                f"step must grow within an episode, got {row['step']} after {before['step']}: sort "
+                "the rows, or name a column that tells the episodes apart"
             )
         group.observations.extend([self._value(row, name) for name in self._features])
         group.last_line, group.last_row = self.line, row
         if row["action"]:
-            if any(group.ends[-1]):
-                raise InvalidArgumentError("the episode ended on an earlier line")
-            group.actions.append(self._code(row["action"]))
-            if row.get("action_name"):
-                self._names.setdefault(row["action"], row["action_name"])
-            if ALLOWED in row:
-                group.masks.append(self._mask(row["action"], row[ALLOWED].strip()))
-            known = bool(row.get("reward"))
-            if group.rewards and known != group.has_rewards:
-                raise InvalidArgumentError(
-                    "reward must be there for every action of an episode, or for none"
-                )
-            group.has_rewards = known
-            group.rewards.append(self._number(row, "reward") if known else 0.0)
+            self._act(group, row)
         ends = _truth(row, "terminated") is True, _truth(row, "truncated") is True
         if row["action"] or not group.actions:
             group.ends = (group.ends[-1], ends)
         else:  # behind the last action: the episode ended there, whichever row says so
             last = group.ends[-1]
             group.ends = (group.ends[0], (last[0] or ends[0], last[1] or ends[1]))
+
+    def _act(self, group: _EpisodeRows, row: dict[str, str]) -> None:
+        """Add the action of a row, what it earned, and what else was allowed."""
+        if any(group.ends[-1]):
+            raise InvalidArgumentError("the episode ended on an earlier line")
+        group.actions.append(self._code(row["action"]))
+        if row.get("action_name"):
+            self._names.setdefault(row["action"], row["action_name"])
+        if ALLOWED in row:
+            group.masks.append(self._mask(row["action"], row[ALLOWED].strip()))
+        known = bool(row.get("reward"))
+        if group.rewards and known != group.has_rewards:
+            raise InvalidArgumentError(
+                "reward must be there for every action of an episode, or for none"
+            )
+        group.has_rewards = known
+        group.rewards.append(self._number(row, "reward") if known else 0.0)
 
     def _action_text(self, text: str) -> str:
         """Return a cell of the actions: a number with its point, nothing where it says so."""
@@ -337,13 +323,16 @@ class _Table:
                 actions = self._made_actions()
             with blamed(path):
                 schema = Schema(features, actions)
-        elif schema.n_features != len(features):
-            names = [feature.name for feature in features]
-            reason = f"expected {schema.n_features} features, got columns {names}"
-            raise FormatError(path, "line 1", reason)
+        else:
+            with blamed(path, "line 1"):
+                self._order = order_of(features, schema)
         by_name = bool(self._log.actions) or self._are_quantities()
         with blamed(path, "action"):
-            numbers = [self._action(text, schema.actions, by_name) for text in self._codes]
+            numbers = [self._action(text, schema, by_name) for text in self._codes]
+            for text, name in self._names.items():
+                meant = schema.actions[numbers[self._codes[text]]]
+                if name in schema.actions and name != meant:
+                    raise InvalidArgumentError(f"{text} must mean {meant!r}, got {name!r}")
         numbers_of_codes = np.array(numbers, dtype=np.int64)
         masks = np.zeros((len(self._masks), schema.n_actions), dtype=np.bool_)
         for mask, codes in zip(masks, self._masks, strict=True):
@@ -395,8 +384,12 @@ class _Table:
             return highest < 2**53  # above it two whole numbers may be one
         return highest >= max(2 * len(texts), SMALL)
 
-    def _action(self, text: str, names: tuple[str, ...], by_name: bool) -> int:
-        """Return the action of a text: an index, or else a name; if ``by_name``, a name first."""
+    def _action(self, text: str, schema: Schema, by_name: bool) -> int:
+        """Return the action of a text: an index, or else a name; if ``by_name``, a name first.
+
+        What is neither may be a level, where the actions set one quantity.
+        """
+        names = schema.actions
         is_index = _INDEX.fullmatch(text) and int(text) < len(names)
         if by_name and text not in names and is_quantity(text):  # 0 and 0.0 are one quantity
             same = (name for name in names if is_quantity(name) and float(name) == float(text))
@@ -405,6 +398,9 @@ class _Table:
             return names.index(text)
         if is_index:
             return int(text)
+        levels = schema.controls[0].levels if len(schema.controls) == 1 else ()
+        if is_quantity(text) and float(text) in levels:
+            return levels.index(float(text))
         known = ", ".join(names)
         raise InvalidArgumentError(f"must be one of {known} or its index, got {text!r}")
 
@@ -412,7 +408,7 @@ class _Table:
         """Return the observations of an episode, categories as features of their own, [T, d]."""
         values = np.frombuffer(group.observations).reshape(-1, len(self._features))
         if not self._categories:
-            return values
+            return values[:, self._order]
         columns: list[Floats] = []
         for column, numbers in zip(self._features, values.T, strict=True):
             codes = self._categories.get(column)
@@ -421,7 +417,7 @@ class _Table:
             else:
                 each = [1.0 * (numbers == codes[name]) for name in sorted(codes)]
                 columns += each if len(codes) > 2 else each[1:] or [np.zeros(len(values))]
-        return np.stack(columns, axis=1)
+        return np.stack(columns, axis=1)[:, self._order]
 
     def _episode(self, group: _EpisodeRows, numbers_of_codes: Integers, masks: Booleans) -> Episode:
         row = group.last_row
@@ -449,6 +445,12 @@ class _Table:
         )
 
 
+def _number_of(row: dict[str, str]) -> float:
+    """Return the number of a row in its episode; NaN where it has none."""
+    text = row.get("step", "")
+    return float(text) if is_quantity(text) else math.nan
+
+
 def _truth(row: dict[str, str], column: str) -> bool | None:
     text = row.get(column, "").lower()
     if text not in _TRUTH:
@@ -464,12 +466,12 @@ def write_csv(path: str | Path, episodes: Sequence[Episode], schema: Schema) -> 
         FileError: The file cannot be written.
     """
     features = [f"{f.name} [{f.unit}]" if f.unit else f.name for f in schema.features]
-    if set(features) & set(_MASKED) or len(set(features)) < len(features):
+    if set(features) & set(MASKED) or len(set(features)) < len(features):
         raise InvalidArgumentError(f"features must not be named like columns, got {features}")
     buffer = io.StringIO()
     writer = csv.writer(buffer)
     masked = any(episode.allowed is not None for episode in episodes)
-    writer.writerow([*(_MASKED if masked else KNOWN), *features])
+    writer.writerow([*(MASKED if masked else KNOWN), *features])
     for number, episode in enumerate(episodes):
         check_finite(f"episode {number}: observations", episode.observations)
         check_finite(f"episode {number}: rewards", episode.rewards)

@@ -1,12 +1,20 @@
 """How a machine's log is read: its columns, times, text, empty cells, unmarked episodes."""
 
 import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
+from eutree.data.episode import ALLOWED
 from eutree.errors import InvalidArgumentError
+from eutree.schema import Feature, Schema
 from eutree.validation import check_listed, check_number
 
+KNOWN = (
+    "episode", "step", "action", "action_name", "reward", "terminated", "truncated", "seed",
+    "ending", "is_success", "kept",
+)  # fmt: skip
+MASKED = (*KNOWN, ALLOWED)  # of a table in which an action is masked
 HOLD, LEAVE_OUT = "hold", "drop"
 TIMES = tuple(  # of a time that cannot be read, for a message
     f"{day} {hour}"
@@ -58,8 +66,58 @@ class LogFormat:
             )
         if self.episode_gap is not None:
             check_number("episode_gap", self.episode_gap, low=0.0, low_open=True)
+        if self.one_episode and self.episode_gap is not None:
+            raise InvalidArgumentError("one_episode has no gap between episodes: give one of them")
+        if "" in self.actions:
+            raise InvalidArgumentError(f"actions must be names, got {', '.join(self.actions)!r}")
         if (self.episode_gap is not None or self.time_format) and not self.time:
             raise InvalidArgumentError("time must name the column that a gap is seen in, got ''")
+
+    def columns_of(self, found: Sequence[str], own: Mapping[str, str]) -> list[str]:
+        """Return a table's columns by the names that we know them by; "" of one that is left out.
+
+        Args:
+            found: The first line.
+            own: The columns of the known names, where they have others.
+        """
+        if not found:
+            raise InvalidArgumentError("the file is empty: the first line must name the columns")
+        for name in own.values():
+            if name not in found:
+                raise InvalidArgumentError(f"there is no column {name!r} in {found}")
+        for name in filter(None, (*self.drop, *self.nominal, self.time)):
+            if name not in found:
+                raise InvalidArgumentError(f"there is no column {name!r} in {found}")
+        known = {theirs: name for name, theirs in own.items()}
+        columns = ["" if column in self.drop else known.get(column, column) for column in found]
+        for name in ("episode", "action"):
+            if name not in columns and not (name == "episode" and (self.time or self.one_episode)):
+                reason = (
+                    f"there is no column {name!r} in {found}; required are 'episode' and 'action', "
+                    "or columns named by --episode-column and --action-column "
+                    "(in Python columns={'episode': ..., 'action': ...})"
+                )
+                if name == "episode":
+                    reason += (
+                        "; where nothing marks the episodes, --time COLUMN, with --episode-gap 1h "
+                        "for those that a pause divides, or --one-episode"
+                    )
+                if len(found) == 1:
+                    reason += "; and what separates the values by --delimiter"
+                raise InvalidArgumentError(reason)
+        twice = sorted({name for name in columns if name and columns.count(name) > 1})
+        if twice:
+            names = ", ".join(map(repr, twice))
+            also = " (leave out the other by --drop)" if set(twice) & own.keys() else ""
+            raise InvalidArgumentError(f"two columns have the same name: {names}{also}")
+        for name in self.nominal:
+            if name in MASKED or name not in columns:
+                raise InvalidArgumentError(f"nominal must be a column of a feature, got {name!r}")
+        if self.one_episode and "episode" in columns:
+            raise InvalidArgumentError(
+                "one_episode is for a table without a column of the episodes"
+            )
+        return columns
 
     def seconds(self, text: str) -> float:
         """Return the time in a cell of the column ``time``, in seconds; without a zone it is UTC.
@@ -134,3 +192,24 @@ def _has_form(text: str, form: str) -> bool:
     except ValueError:
         return False
     return True
+
+
+def order_of(found: Sequence[Feature], schema: Schema) -> list[int]:
+    """Return which of the features that were found each of a schema is: by name, or by place."""
+    names, wanted = [feature.name for feature in found], list(schema.feature_names)
+    if len(names) != len(wanted):
+        raise InvalidArgumentError(f"expected {len(wanted)} features, got columns {names}")
+    known = set(names) & set(wanted)
+    order = [names.index(name) if name in known else k for k, name in enumerate(wanted)]
+    if sorted(order) != list(range(len(names))):
+        raise InvalidArgumentError(
+            f"columns must have the names of the features, {', '.join(wanted)}, or their order, "
+            f"got {', '.join(names)}"
+        )
+    for feature, k in zip(schema.features, order, strict=True):
+        other = found[k]
+        if other.name == feature.name and other.unit and feature.unit not in ("", other.unit):
+            raise InvalidArgumentError(
+                f"{other.name} must be in {feature.unit}, got a column in {other.unit}"
+            )
+    return order

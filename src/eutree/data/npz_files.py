@@ -106,11 +106,14 @@ def _rows(arrays: _Arrays) -> tuple[Episode, ...]:
     dones = arrays.get("dones")
     terminated = arrays.get("terminations")
     truncated = arrays.get("truncations")
+    if dones is not None and terminated is None:
+        terminated = dones.astype(bool) & (True if truncated is None else ~truncated.astype(bool))
+    elif dones is not None and truncated is None and terminated is not None:
+        truncated = dones.astype(bool) & ~terminated.astype(bool)
     if "starts" in arrays:
         starts = arrays["starts"]
     elif dones is not None:
         starts = _starts_after(dones)
-        terminated = dones if terminated is None and truncated is None else terminated
     elif terminated is not None and truncated is not None:
         starts = _starts_after(terminated.astype(bool) | truncated.astype(bool))
     else:

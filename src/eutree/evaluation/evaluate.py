@@ -8,6 +8,7 @@ among processes, too: each makes an environment of its own.
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
 from functools import partial
 from typing import Any
 
@@ -142,13 +143,11 @@ def evaluate(
             )
         return _evaluate(policy, made(environment, n_jobs)[0], seeds)
     env, spec = made(_spec(environment, environment_arguments), n_jobs)
-    try:
+    with closing(env):
         if spec is None:
             return _evaluate(policy, env, seeds)
         block = partial(_evaluated_block, policy, Recipe.of(spec), seeds)
         return Evaluation.join(workers.map(block, workers.blocks(episodes, MAX_COPIES)))
-    finally:
-        env.close()
 
 
 def evaluate_starts(
@@ -170,11 +169,8 @@ def _evaluated_block(
     policy: Controller, recipe: Recipe, seeds: Sequence[int], numbers: range
 ) -> Evaluation:
     """Evaluate some of the episodes, in whichever process."""
-    env = recipe.make()
-    try:
+    with closing(recipe.make()) as env:
         return _evaluate(policy, env, seeds[numbers.start : numbers.stop], first=numbers.start)
-    finally:
-        env.close()
 
 
 def _spec(environment: Environment, more: Mapping[str, Any] | None) -> EnvironmentSpec:

@@ -27,7 +27,7 @@ from eutree.interaction.action_grid import (
 from eutree.interaction.decoding import warn_of_codes
 from eutree.interaction.guard import MAX_EPISODE_STEPS
 from eutree.interaction.making import made_here, make
-from eutree.interaction.spaces import encoder, spec_of
+from eutree.interaction.spaces import LEAVE_REWARDS, encoder, spec_of
 from eutree.validation import check_range
 
 CHECKED_STEPS = 200
@@ -182,18 +182,6 @@ _REWARDS = {
 _CHANGE_REWARDS = {"sutton_barto_reward", "reward_schedule"}
 
 
-# The ways to step that hand on the reward of each step of the environment inside, and no other.
-_LEAVE_REWARDS = frozenset(
-    kind.step
-    for kind in (
-        gymnasium.Wrapper, gymnasium.ActionWrapper, gymnasium.ObservationWrapper,
-        wrappers.FrameStackObservation, wrappers.HumanRendering, wrappers.OrderEnforcing,
-        wrappers.PassiveEnvChecker, wrappers.RecordEpisodeStatistics, wrappers.RecordVideo,
-        wrappers.RenderCollection, wrappers.TimeAwareObservation, wrappers.TimeLimit,
-    )
-)  # fmt: skip
-
-
 def return_range(env: gymnasium.Env[Any, Any]) -> tuple[float, float] | None:
     """Return the lowest and the highest undiscounted return of an episode; None if unknown.
 
@@ -206,7 +194,7 @@ def return_range(env: gymnasium.Env[Any, Any]) -> tuple[float, float] | None:
     while vars(inner).get("return_range", getattr(type(inner), "return_range", None)) is None:
         if not isinstance(inner, gymnasium.Wrapper):
             return _documented(inner, limits)
-        if type(inner).step not in _LEAVE_REWARDS or "step" in vars(inner):
+        if type(inner).step not in LEAVE_REWARDS or "step" in vars(inner):
             return None
         if isinstance(inner, wrappers.TimeLimit):
             limits.append(inner._max_episode_steps)

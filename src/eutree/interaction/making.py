@@ -10,7 +10,7 @@ import inspect
 import os
 import re
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, closing, contextmanager, nullcontext
 from dataclasses import dataclass
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -281,12 +281,7 @@ def made(
     return make(spec), spec if Workers(n_jobs).count > 1 else None
 
 
-@contextmanager
-def opened(env: Environment) -> Iterator[gymnasium.Env[Any, Any]]:
-    """Yield an environment as it is, or one that is made here and closed in the end."""
-    opened = made(env, None)[0]
-    try:
-        yield opened
-    finally:
-        if opened is not env:
-            opened.close()
+def opened(env: Environment) -> AbstractContextManager[gymnasium.Env[Any, Any]]:
+    """Return an environment as it is, or one that is made here and closed in the end."""
+    given = made(env, None)[0]
+    return nullcontext(given) if given is env else closing(given)

@@ -12,7 +12,7 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-from gymnasium import spaces
+from gymnasium import spaces, wrappers
 from gymnasium.wrappers import OrderEnforcing, PassiveEnvChecker, TimeLimit
 
 from eutree.arrays import Floats
@@ -203,12 +203,29 @@ def spec_of(env: gymnasium.Env[Any, Any]) -> EnvironmentSpec | None:
         return None
 
 
+# The ways to step that hand on the reward of each step of the environment inside, and no other.
+LEAVE_REWARDS = frozenset(
+    kind.step
+    for kind in (
+        gymnasium.Wrapper, gymnasium.ActionWrapper, gymnasium.ObservationWrapper,
+        wrappers.FrameStackObservation, wrappers.HumanRendering, wrappers.OrderEnforcing,
+        wrappers.PassiveEnvChecker, wrappers.RecordEpisodeStatistics, wrappers.RecordVideo,
+        wrappers.RenderCollection, wrappers.TimeAwareObservation, wrappers.TimeLimit,
+    )
+)  # fmt: skip
+
+
 def _changes_meanings(wrapper: gymnasium.Wrapper[Any, Any, Any, Any]) -> bool:
-    """Return whether a wrapper changes observations or actions, but for what a schema derives."""
+    """Return whether a wrapper makes a task another one, but for what a schema derives.
+
+    It may change observations, actions, or what a step is. One that rewards in another way does
+    not: who is to be told more of what to aim at is judged by the task's own rewards.
+    """
     return "_derivation" not in vars(wrapper) and (
         isinstance(wrapper, gymnasium.ObservationWrapper | gymnasium.ActionWrapper)
         or wrapper.observation_space is not wrapper.env.observation_space
         or wrapper.action_space is not wrapper.env.action_space
+        or type(wrapper).step not in LEAVE_REWARDS | {gymnasium.RewardWrapper.step}
     )
 
 

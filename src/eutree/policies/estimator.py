@@ -191,6 +191,9 @@ class TreePolicyClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc
         return check_kind("policy", self.policy, TreePolicy)
 
     def _rows(self, X: ArrayLike) -> Floats:
+        given, names = list(getattr(X, "columns", ())), list(self._policy().schema.feature_names)
+        if given != names and set(given) == set(names):
+            raise InvalidArgumentError(f"X must have its columns in the order {names}, got {given}")
         rows: Floats = check_array(X, dtype=np.float64, ensure_all_finite=False, order="C")
         _check_n_features(self, rows, reset=False)
         return rows

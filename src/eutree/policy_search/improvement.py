@@ -25,6 +25,8 @@ SHIFTS = (0.02, 0.05, 0.1, 0.2, 0.4)
 FEW = 20
 OTHERS = 2  # other actions up to which all are tried at as many steps
 CYCLES, GROWN = 3, 5  # of shrinking, and leaves by which a policy may grow between two
+# What a deviation inside a box has to pay on average, as a share of the most that one pays.
+LEAST_GAINS = (0.25, 0.5, 0.75)
 
 
 class _Deviations(NamedTuple):
@@ -59,19 +61,23 @@ class Improvement:
         check_amounts(self, rounds=1, deviations=1, min_rows=1, max_leaves=2)
         check_number("price", self.price, low=0.0)
 
-    def improve(self, rollouts: PairedRollouts, policy: ActionTree, scale: float) -> ActionTree:
+    def improve(
+        self, rollouts: PairedRollouts, policy: ActionTree, scale: float, *, begin: bool = False
+    ) -> ActionTree:
         """Return a policy that earns more or is smaller.
 
         Args:
             rollouts: Where to run rollouts; they end with the result run.
             policy: The policy to start from.
             scale: A typical size of returns.
+            begin: Whether no policy is known yet but a single action: then boxes are also tried
+                where fewer deviations pay, and each of them more.
         """
         price = self.price * scale
         for _ in range(self.rounds):
             rollouts.redraw()
             rollouts.run(policy)
-            self._insert_boxes(rollouts, price)
+            self._insert_boxes(rollouts, price, begin=begin)
             _replace_subtrees(rollouts, price)
             _perturb_thresholds(rollouts)
             policy = packed(nested(rollouts.policy))
@@ -111,9 +117,38 @@ class Improvement:
             rollouts.run(chosen)
             _perturb_thresholds(rollouts)
 
-    def _insert_boxes(self, rollouts: PairedRollouts, price: float) -> None:
-        """Insert the most promising boxes, one for each leaf, that pass the test."""
-        boxes = self._boxes(rollouts, price, self._deviations(rollouts))
+    def _insert_boxes(self, rollouts: PairedRollouts, price: float, *, begin: bool) -> None:
+        """Insert the most promising boxes, one for each leaf, that pass the test.
+
+        Where a single deviation pays almost everywhere, as when any delay brings the agent past
+        somebody, the box that pays most is where to deviate for ever. It is refused, and would be
+        for ever: who is to ``begin`` and has one action still tries smaller ones.
+        """
+        deviations = self._deviations(rollouts)
+        base = rollouts.policy
+        self._try_boxes(rollouts, price, self._boxes(rollouts, price, deviations))
+        if begin and rollouts.policy is base and n_leaves(base) == 1:
+            self._begin(rollouts, price, deviations)
+
+    def _begin(self, rollouts: PairedRollouts, price: float, deviations: _Deviations) -> None:
+        """Insert the best box of those in which each deviation pays more, if it passes the test."""
+        base = rollouts.policy
+        most, chosen = 0.0, None
+        for least in LEAST_GAINS:
+            for leaf, change in self._boxes(rollouts, price, deviations, least):
+                challenger = packed(nested(base, instead={leaf: change}))
+                needed = price * (n_leaves(challenger) - 1)
+                gain = rollouts.gain(challenger, hopeless=needed + most)
+                passes = gain.complete and gain.mean - gain.error > needed
+                if passes and n_leaves(challenger) <= self.max_leaves and gain.mean - needed > most:
+                    most, chosen = gain.mean - needed, challenger
+        if chosen is not None:
+            rollouts.run(chosen)
+
+    def _try_boxes(
+        self, rollouts: PairedRollouts, price: float, boxes: list[tuple[int, Nested]]
+    ) -> None:
+        """Insert those of the first boxes that pass the test, one for each leaf."""
         base = rollouts.policy
         changes: dict[int, Nested] = {}
         for leaf, change in boxes[:MOST_BOXES]:
@@ -138,9 +173,13 @@ class Improvement:
         return _Deviations(gains, rollouts.observations[steps], rollouts.node[steps])
 
     def _boxes(
-        self, rollouts: PairedRollouts, price: float, deviations: _Deviations
+        self, rollouts: PairedRollouts, price: float, deviations: _Deviations, least: float = 0.0
     ) -> list[tuple[int, Nested]]:
-        """Return leaf nodes and the trees to put in their place, the most promising first."""
+        """Return leaf nodes and the trees to put in their place, the most promising first.
+
+        ``least`` is the gain that a deviation inside a box needs on average, as a share of the most
+        that one pays.
+        """
         gains, observations, node = deviations
         found: list[tuple[float, int, Nested]] = []
         box = np.empty((observations.shape[1], 2))
@@ -151,6 +190,8 @@ class Improvement:
                 if rows.size < 2 * self.min_rows or action == taken:
                     continue
                 mine: Floats = np.ascontiguousarray(gains[:, action])
+                if least > 0.0:
+                    mine = mine - least * mine.max()
                 gain, cuts = _kernels_search.best_box(
                     observations, mine, rows, self.min_rows, price, box
                 )

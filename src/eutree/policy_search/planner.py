@@ -204,7 +204,7 @@ class Planner:
             explorer, guide = self._by_counts(known, pessimistic)
         else:
             base = plan.corrected or plan.explorer or plan.incumbent
-            explorer = self.improvement.improve(optimistic, base, scale)
+            explorer = self.improvement.improve(optimistic, base, scale, begin=plan.knows_nothing)
             guide = explorer if self._explorers_lead(plan, data) else None
         challenger = self._challenger(replace(plan, explorer=guide), known, pessimistic)
         taken = pessimistic.n_steps_taken + optimistic.n_steps_taken
@@ -339,12 +339,12 @@ class Planner:
         none of them, the tree of such an episode is on trial as it is.
         """
         begin, scale = plan.knows_nothing, known.typical_return
-        best = self.improvement.improve(pessimistic, plan.incumbent, scale)
+        best = self.improvement.improve(pessimistic, plan.incumbent, scale, begin=begin)
         bases = [plan.challenger, plan.corrected, plan.explorer]
         if begin and n_leaves(best) == 1:
             bases += restarts(known, max_leaves=_FIRST_LEAVES)
         for base in filter(None, bases):
-            challenger = self.improvement.improve(pessimistic, base, scale)
+            challenger = self.improvement.improve(pessimistic, base, scale, begin=begin)
             pessimistic.redraw()
             pessimistic.run(best)
             if pessimistic.gain(challenger).mean > 0.0:

@@ -137,7 +137,7 @@ def add_pictures(
     room = limit - len(as_json(data)) - len((text + base_style()).encode()) - 4096
     for entry, watched in zip(data["episodes"], episodes, strict=True):
         frames = [
-            f"data:{watched.media_type};base64,{base64.b64encode(frame).decode('ascii')}"
+            f"data:image/webp;base64,{base64.b64encode(frame).decode('ascii')}"
             for frame in watched.frames
         ]
         room -= sum(map(len, frames)) + 3 * len(frames)

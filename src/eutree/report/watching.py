@@ -37,13 +37,11 @@ class WatchedEpisode:
     Attributes:
         episode: The recorded steps.
         frames: An encoded picture for each observation; empty where there are none.
-        media_type: The format of the pictures, for example ``"image/webp"``.
         by: Whose episode it is, if not simply that of the policy watched.
     """
 
     episode: Episode
     frames: tuple[bytes, ...] = ()
-    media_type: str = "image/webp"
     by: str = ""
 
     def __post_init__(self) -> None:

@@ -9,6 +9,7 @@ that are proven, if any is.
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Unpack
@@ -186,12 +187,9 @@ def learn_runs(
         on_run(len(found), run)
     ordered = tuple(found[seed + k] for k in range(runs))
     best, certificate = _best_of(ordered, proven)
-    env = make(spec)
-    try:
+    with closing(make(spec)) as env:
         result = task.learn(env, ordered[best].seed)
         known = asked.handover.return_range or return_range(env)
-    finally:
-        env.close()
 
     def evaluated(policy: TreePolicy) -> Evaluation:
         fresh = episode_seed(seed, 0, Stream.WINNER)
@@ -324,8 +322,7 @@ class _Task:
         return learn(env, folder=folder, seed=seed, **self.given, **asked.arguments())
 
     def __call__(self, seed: int) -> FinishedRun:
-        env = self.recipe.make()
-        try:
+        with closing(self.recipe.make()) as env:
             result = self.learn(env, seed)
             selection = evaluate(
                 result.policy,
@@ -333,8 +330,6 @@ class _Task:
                 episodes=self.episodes,
                 seed=episode_seed(self.seed, 0, Stream.SELECTION),
             )
-        finally:
-            env.close()
         steps = result.environment_steps.total
         path = self.folder / str(seed)
         return FinishedRun(seed, path, result.policy.n_leaves, steps, selection)
