@@ -3,8 +3,9 @@
 Run: python -m benchmarks.releases [--keep] [--tasks TASK ...] [--processes 2]
      python -m benchmarks.releases --page
 
-Twenty runs of the table, four seeds of five tasks, under ten minutes on two cores (``make
-table-smoke``). Each task's returns are compared with those of the last release that has any: the
+Twenty runs of the table, four seeds of five tasks, and twelve that begin from nothing
+(``benchmarks/from_nothing.py``), under ten minutes on two cores (``make table-smoke``). Each task's
+returns are compared with those of the last release that has any: the
 probability of improvement is the share of all pairs, a run of now and a run of then, in which that
 of now earns more; ties count half (Agarwal and others, 2021, section 4.3). Its interval is that of
 2,000 bootstrap samples of the runs of both. The exit status is the number of tasks that are worse.
@@ -19,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from benchmarks import from_nothing
 from benchmarks.table import FIRST, ROOT, Cell, commit, keep, measured, rows_of
 
 import eutree
@@ -31,6 +33,8 @@ PARTS = (
     ("Acrobot-v1", 50_000, 8),
     ("Pendulum-v1", 50_000, 8),
 )
+FROM_NOTHING = ("CartPole-v1", "Acrobot-v1", "eutree/Evasion3-v0")
+SHOWN_NOTHING = "{}, from nothing"  # what such a task is called in rows
 SEEDS, SAMPLES = 4, 2000
 WORSE, LARGER = 0.25, 3.0  # a probability below, or mean leaves so many above, is a warning
 
@@ -96,7 +100,8 @@ def latest(files: Sequence[Path]) -> list[dict[str, Any]]:
 
 def tasks_of(now: Rows, then: Rows) -> list[str]:
     both = {row["task"] for row in now} & {row["task"] for row in then}
-    return [task for task, *_ in PARTS if task in both]
+    names = [task for task, *_ in PARTS] + [*map(SHOWN_NOTHING.format, FROM_NOTHING)]
+    return [name for name in names if name in both]
 
 
 def page() -> str:
@@ -117,9 +122,16 @@ def run(tasks: Sequence[str], processes: int) -> list[dict[str, Any]]:
         for task, steps, leaves in PARTS if not tasks or task in tasks
         for seed in range(FIRST, FIRST + SEEDS)
     ]  # fmt: skip
+    nothing = [
+        (task, seed)
+        for task in FROM_NOTHING if not tasks or task in tasks
+        for seed in range(FIRST, FIRST + SEEDS)
+    ]  # fmt: skip
     # A process for each run: the peak of its memory is that of all that it ran before.
     with multiprocessing.get_context("spawn").Pool(processes, maxtasksperchild=1) as pool:
-        return pool.starmap(measured, [(cell, None, None) for cell in cells], chunksize=1)
+        rows = pool.starmap(measured, [(cell, None, None) for cell in cells], chunksize=1)
+        others = pool.starmap(from_nothing.measured, nothing, chunksize=1)
+    return rows + [row | {"task": SHOWN_NOTHING.format(row["task"])} for row in others]
 
 
 def main() -> None:
@@ -152,11 +164,11 @@ HEAD = """\
 # Between releases
 
 A default that grows worse, or larger, is to be seen by the next change and not by a user. `make
-table-smoke` runs twenty runs of [the table](table.md), the same four seeds of five tasks, and sets
-them beside those of the last release that has the task (`ARGS=--keep` stores them, a file each in
-`docs/results/releases/`). The probability of improvement is the share of all pairs, a run of the
-one and a run of the other, in which the later one earns more; ties count half; the interval is
-bootstrapped over runs. With four runs each it is wide: what is certain here is only a large change.
+table-smoke` runs twenty runs of [the table](table.md), the same four seeds of five tasks, and since
+006 twelve that begin [from nothing](from-nothing.md), and sets them beside those of the last
+release that has the task (`ARGS=--keep` stores them, a file each in `docs/results/releases/`). The
+probability of improvement is the share of all pairs, a run of the one and a run of the other, in
+which the later one earns more; ties count half; the interval is bootstrapped over runs. With four runs each it is wide: what is certain here is only a large change.
 A task is **worse** where the probability is below 0.25, or the trees have three leaves more."""
 
 
