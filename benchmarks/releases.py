@@ -168,8 +168,9 @@ table-smoke` runs twenty runs of [the table](table.md), the same four seeds of f
 006 twelve that begin [from nothing](from-nothing.md), and sets them beside those of the last
 release that has the task (`ARGS=--keep` stores them, a file each in `docs/results/releases/`). The
 probability of improvement is the share of all pairs, a run of the one and a run of the other, in
-which the later one earns more; ties count half; the interval is bootstrapped over runs. With four runs each it is wide: what is certain here is only a large change.
-A task is **worse** where the probability is below 0.25, or the trees have three leaves more."""
+which the later one earns more; ties count half; the interval is bootstrapped over runs. With four
+runs each it is wide: what is certain here is only a large change. A task is **worse** where the
+probability is below 0.25, or the trees have three leaves more."""
 
 
 if __name__ == "__main__":
