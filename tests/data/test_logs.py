@@ -380,6 +380,14 @@ def test_columns_with_names_that_we_know_may_be_left_out(tmp_path):
         table(tmp_path, *rows, log=LogFormat(nominal=("reward",), drop=("action",)), **own)
 
 
+def test_the_time_is_a_column_of_its_own(tmp_path):
+    rows = "day,action,x", "1,a,2", "2,b,3"
+    log = LogFormat(time="day", drop=("day",))
+    assert table(tmp_path, *rows, log=log).schema.feature_names == ("x",)
+    with pytest.raises(FormatError, match="time must be a column of its own, got 'day'"):
+        table(tmp_path, *rows, log=LogFormat(time="day"), columns={"episode": "day"})
+
+
 @pytest.mark.parametrize(
     ("options", "said"),
     [

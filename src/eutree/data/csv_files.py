@@ -35,7 +35,7 @@ from eutree.data.log_format import (
     is_quantity,
     label,
     order_of,
-)  # fmt: skip
+)
 from eutree.errors import FormatError, InvalidArgumentError, blamed
 from eutree.files import opened_text, read_bytes, write_text
 from eutree.schema import Feature, Schema, numbered_actions

@@ -89,7 +89,8 @@ class LogFormat:
             if name not in found:
                 raise InvalidArgumentError(f"there is no column {name!r} in {found}")
         known = {theirs: name for name, theirs in own.items()}
-        columns = ["" if column in self.drop else known.get(column, column) for column in found]
+        drop = {*self.drop} - {self.time}
+        columns = ["" if column in drop else known.get(column, column) for column in found]
         for name in ("episode", "action"):
             if name not in columns and not (name == "episode" and (self.time or self.one_episode)):
                 reason = (
@@ -110,6 +111,8 @@ class LogFormat:
             names = ", ".join(map(repr, twice))
             also = " (leave out the other by --drop)" if set(twice) & own.keys() else ""
             raise InvalidArgumentError(f"two columns have the same name: {names}{also}")
+        if self.time and self.time not in columns:
+            raise InvalidArgumentError(f"time must be a column of its own, got {self.time!r}")
         for name in self.nominal:
             if name in MASKED or name not in columns:
                 raise InvalidArgumentError(f"nominal must be a column of a feature, got {name!r}")
