@@ -323,7 +323,7 @@ def test_an_import_derives_features_and_takes_no_arguments_without_an_environmen
     (episode,) = Demonstrations.load(tmp_path / "a")
     assert episode.observations[:, 2].tolist() == [1.0, 2.0]
     said = ask("import", log, "--env-arg", "foo=1", "--out", tmp_path / "b", code=2)
-    assert "an argument of the environment needs --env, got foo" in said
+    assert "arguments need --env, got foo" in said
 
 
 def test_demonstrations_of_another_task_are_refused(folder, recorded, tmp_path, capsys):

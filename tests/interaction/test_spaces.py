@@ -157,6 +157,12 @@ class Repeating(gymnasium.Wrapper):
         return first if first[2] or first[3] else self.env.step(action)
 
 
+def listening(env):
+    """Return an environment in a wrapper of the name of Stable-Baselines3's Monitor."""
+    module = {"__module__": "stable_baselines3.common.monitor"}
+    return type("Monitor", (Repeating,), module)(env)
+
+
 def scaled(env):
     """Return CartPole in other units, within the same bounds."""
     return TransformObservation(env, lambda observation: observation / 2, env.observation_space)
@@ -184,6 +190,7 @@ def test_a_wrapper_that_changes_no_meaning_keeps_the_spec():
         TransformReward(env, float),
         RecordEpisodeStatistics(env),
         FlattenObservation(env),
+        listening(env),
     ):
         assert spec_of(same).id == "CartPole-v1"
 

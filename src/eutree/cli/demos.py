@@ -177,9 +177,8 @@ def check(folder: Path, environment: str | None, env_arguments: dict[str, Any]) 
     """
     recorded, numbers = _all_of(folder)
     spec = recorded.environment if environment is None else EnvironmentSpec(environment)
-    env = None
-    if spec is not None and (environment or env_arguments):
-        env = make(spec.override(env_arguments))
+    other = spec if environment or env_arguments else None
+    env = None if other is None else make(other.override(env_arguments))
     results = replay_all(recorded, env)
     problems = [
         {"episode": numbers[one.episode], "problem": one.problem}
@@ -286,8 +285,7 @@ def import_(
     if kind != "csv" and (columns or delimiter is not None or log_format != LogFormat()):
         raise InvalidArgumentError(f"columns and --delimiter are for a file .csv, got {source!r}")
     if environment is None and env_arguments:
-        given = ", ".join(env_arguments)
-        raise InvalidArgumentError(f"an argument of the environment needs --env, got {given}")
+        raise InvalidArgumentError(f"arguments need --env, got {', '.join(env_arguments)}")
     known: dict[str, Any] = {}
     rows = {"filled": 0, "left out": 0}
     if environment is not None:

@@ -225,7 +225,10 @@ def _changes_meanings(wrapper: gymnasium.Wrapper[Any, Any, Any, Any]) -> bool:
         isinstance(wrapper, gymnasium.ObservationWrapper | gymnasium.ActionWrapper)
         or wrapper.observation_space is not wrapper.env.observation_space
         or wrapper.action_space is not wrapper.env.action_space
-        or type(wrapper).step not in LEAVE_REWARDS | {gymnasium.RewardWrapper.step}
+        or (
+            type(wrapper).step not in LEAVE_REWARDS | {gymnasium.RewardWrapper.step}
+            and type(wrapper).__module__ != "stable_baselines3.common.monitor"  # it only listens
+        )
     )
 
 
