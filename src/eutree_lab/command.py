@@ -15,11 +15,11 @@ from eutree.cli.parts import (
     env_arg_option,
     json_option,
     output_option,
+    refuse,
     seed_option,
     workers_options,
 )
 from eutree.cli.record import page_options, record_on_page
-from eutree.errors import InvalidArgumentError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -94,8 +94,8 @@ def reproduce(
         output.result(titles, "\n".join(f"{name}  {title}" for name, title in titles.items()))
         return
     check_choice("experiment", experiment, [*EXPERIMENTS, "all", FRAMEWORK])
-    _refuse_unused(experiment, ("methods",) if experiment != FRAMEWORK
-                   else ("presets", "domain", "episodes"))  # fmt: skip
+    unused = ("presets", "domain", "episodes") if experiment == FRAMEWORK else ("methods",)
+    refuse(unused, f"{experiment} has no use for it")
     if experiment == FRAMEWORK:
         runs = SMOKE_RUNS if smoke else runs
         wanted = specs(runs=runs, methods=methods or TAUGHT, first_seed=seed, smoke=smoke)
@@ -118,15 +118,6 @@ def reproduce(
     output.result({"smoke": smoke, "claims": claims, "path": str(result.folder)}, table)
     _say_smoke(output, smoke=smoke)
     output.say(f"report: {result.folder / 'report.html'}")
-
-
-def _refuse_unused(experiment: str, names: tuple[str, ...]) -> None:
-    """Raise InvalidArgumentError if one of some options was given, of which it has no use."""
-    context = click.get_current_context()
-    for name in names:
-        if context.get_parameter_source(name) is click.core.ParameterSource.COMMANDLINE:
-            option = name if name in ("domain", "episodes") else name[:-1]
-            raise InvalidArgumentError(f"{experiment} has no --{option}: leave it out")
 
 
 def _say_smoke(output: Output, *, smoke: bool) -> None:

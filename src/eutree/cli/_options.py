@@ -11,7 +11,7 @@ import os
 import re
 import shlex
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -380,6 +380,15 @@ def _import_module(context: click.Context, parameter: click.Parameter, name: str
         raise
     except BaseException as error:
         raise click.BadParameter(f"cannot import {name!r}: it raised {described(error)}") from error
+
+
+def refuse(names: Container[str | None], reason: str) -> None:
+    """Raise InvalidArgumentError if one of some options, by their parameters, was given."""
+    context = click.get_current_context()
+    for one in context.command.params:
+        source = context.get_parameter_source(one.name or "")
+        if one.name in names and source is click.core.ParameterSource.COMMANDLINE:
+            raise InvalidArgumentError(f"{reason}: leave out {one.opts[0]}")
 
 
 def look_in_this_folder() -> None:

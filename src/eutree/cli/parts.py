@@ -19,14 +19,14 @@ from eutree.cli._options import as_json as json_option
 from eutree.cli._options import count as count_option
 from eutree.cli._options import environment as env_arg_option
 from eutree.cli._options import output as output_option
+from eutree.cli._options import refuse, together
 from eutree.cli._options import seed as seed_option
-from eutree.cli._options import together
 from eutree.cli._output import Output, ProgressLine
 from eutree.errors import InvalidArgumentError, MissingExtraError, needed
 
 __all__ = [
     "Output", "ProgressLine", "cluster", "count_option", "env_arg_option", "json_option",
-    "output_option", "seed_option", "workers_options",
+    "output_option", "refuse", "seed_option", "workers_options",
 ]  # fmt: skip
 
 _Command = TypeVar("_Command", bound=Callable[..., Any])

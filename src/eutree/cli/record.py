@@ -87,7 +87,7 @@ def record(
     if expert is not None:
         if web:
             raise InvalidArgumentError("choose one of --expert and --web")
-        _refuse(("drive", "keys", "hud", "fps", "port", "host"), "--expert opens no page")
+        option.refuse(("drive", "keys", "hud", "fps", "port", "host"), "--expert opens no page")
     if study is not None:
         _lead(environment, study, person=person, keys=keys, hud=hud, fps=fps,
               as_json=option.wants_json(), env_arguments=env_arguments, **page)  # fmt: skip
@@ -121,7 +121,7 @@ def _lead(environment: str, study: Path, **given: Any) -> None:
     """Lead one person through a study, by the command of the distribution that has one."""
     context = click.get_current_context()
     decided = ("out", "episodes", "seed", "expert", "careless", "drive", "starts_from", "web")
-    _refuse(decided, "--study decides it by its study.toml")
+    option.refuse(decided, "--study decides it by its study.toml")
     commands = context.find_root().command
     studies = commands.get_command(context, "study") if isinstance(commands, click.Group) else None
     lead = studies.get_command(context, "lead") if isinstance(studies, click.Group) else None
@@ -129,14 +129,6 @@ def _lead(environment: str, study: Path, **given: Any) -> None:
         raise InvalidArgumentError("--study needs the command `eutree study lead`: none has it")
     del given["drive"]  # the tree of the study drives
     context.invoke(lead, folder=study, environment=environment, **given)
-
-
-def _refuse(names: tuple[str, ...], reason: str) -> None:
-    """Raise InvalidArgumentError if one of some options was given."""
-    context = click.get_current_context()
-    for name in names:
-        if context.get_parameter_source(name) is click.core.ParameterSource.COMMANDLINE:
-            raise InvalidArgumentError(f"{reason}: leave out --{name.replace('_', '-')}")
 
 
 def _made(

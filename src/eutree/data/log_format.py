@@ -202,8 +202,7 @@ def order_of(found: Sequence[Feature], schema: Schema) -> list[int]:
     names, wanted = [feature.name for feature in found], list(schema.feature_names)
     if len(names) != len(wanted):
         raise InvalidArgumentError(f"expected {len(wanted)} features, got columns {names}")
-    known = set(names) & set(wanted)
-    order = [names.index(name) if name in known else k for k, name in enumerate(wanted)]
+    order = [names.index(name) if name in names else k for k, name in enumerate(wanted)]
     if sorted(order) != list(range(len(names))):
         raise InvalidArgumentError(
             f"columns must have the names of the features, {', '.join(wanted)}, or their order, "
