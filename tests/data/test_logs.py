@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from eutree.data import Demonstrations, LogFormat
+from eutree.data.csv_files import read_csv
 from eutree.data.log_format import label, seconds_of
 from eutree.errors import FormatError, InvalidArgumentError
 from eutree.policies import TreePolicy
@@ -94,6 +95,15 @@ def test_nothing_is_held_over_a_pause_or_before_the_first(tmp_path):
     log = LogFormat(time="t", episode_gap=60.0, missing="hold")
     demos = Demonstrations.from_csv(path, log=log)
     assert [e.observations[:, 0].tolist() for e in demos.episodes] == [[2.0, 2.0], [3.0, 4.0]]
+
+
+def test_a_row_that_is_filled_is_counted_once(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("episode,action,x\n0,on,1\n0,,\n0,,3\n0,,\n")
+    log = LogFormat(missing="hold")
+    (episode,), _, filled, left_out = read_csv(path, None, log=log)
+    assert episode.observations.ravel().tolist() == [1.0, 1.0, 3.0, 3.0]
+    assert (filled, left_out) == (3, 0)
 
 
 def test_an_action_that_is_logged_when_it_changes_is_held(tmp_path):

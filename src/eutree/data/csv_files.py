@@ -124,6 +124,8 @@ class _EpisodeRows:
     # Terminated and truncated after the last action but one, and after the last.
     ends: tuple[tuple[bool, bool], tuple[bool, bool]] = ((False, False), (False, False))
     last_line: int = 0
+    last_step: float = math.nan  # its number in the column step; NaN where it has none
+    was_filled: bool = False  # whether the last row had empty cells
     last_row: dict[str, str] = field(default_factory=dict)
 
 
@@ -163,9 +165,11 @@ class _Table:
         name = row.get("episode", "")
         if self._log.time:
             self._pass_time(name, row[self._log.time])
-        if self._log.missing and not self._fill(name, row):
+        is_filled = self._fill(name, row) if self._log.missing else False
+        if is_filled is None:
             self.left_out += 1
             return
+        self.filled += is_filled
         group = self._present.get(name)
         if group is None:
             group = self._present[name] = _EpisodeRows()
@@ -176,6 +180,7 @@ class _Table:
         if self._size > MAX_NUMBERS:
             raise InvalidArgumentError(f"more than {MAX_NUMBERS:,} numbers")
         self._add(group, row)
+        group.was_filled = is_filled
 
     def _pass_time(self, name: str, text: str) -> None:
         """Go on to the time of a row; a long pause ends the episode."""
@@ -190,25 +195,19 @@ class _Table:
             self._present.pop(name, None)
         self._times[name] = now
 
-    def _fill(self, name: str, row: dict[str, str]) -> bool:
-        """Fill the empty cells of a row; return False where it is to be left out."""
+    def _fill(self, name: str, row: dict[str, str]) -> bool | None:
+        """Fill the empty cells of a row; return whether it has any, None to leave it out."""
         empty = [column for column in self._numbers if is_nothing(row[column])]
         empty += [column for column in self._log.nominal if not row[column].strip()]
         if empty and self._log.missing == LEAVE_OUT:
             self._present.pop(name, None)
-            return False
-        before = self._present.get(name)
-        if self._log.missing == HOLD and before is None and not row["action"]:
-            return False  # there is nothing yet to hold
+            return None
+        held = self._present.get(name) if self._log.missing == HOLD else None
+        if self._log.missing == HOLD and held is None and (empty or not row["action"]):
+            return None  # there is nothing yet to hold
         for column in empty:
-            if self._log.missing != HOLD:
-                row[column] = self._log.missing
-            elif before is not None:
-                row[column] = before.last_row[column]
-            else:
-                return False
-        self.filled += bool(empty)
-        return True
+            row[column] = self._log.missing if held is None else held.last_row[column]
+        return bool(empty)
 
     def _add(self, group: _EpisodeRows, row: dict[str, str]) -> None:
         before = group.last_row
@@ -220,15 +219,17 @@ class _Table:
                     "before it goes on"
                 )
             before["action"] = list(self._codes)[group.actions[-1]]
-            self.filled += 1
+            self.filled += not group.was_filled
             self._act(group, before)
-        if before and _number_of(row) <= _number_of(before):
+        text = row.get("step", "")
+        step = float(text) if is_quantity(text) else math.nan
+        if step <= group.last_step:
             raise InvalidArgumentError(
                 f"step must grow within an episode, got {row['step']} after {before['step']}: sort "
                 "the rows, or name a column that tells the episodes apart"
             )
         group.observations.extend([self._value(row, name) for name in self._features])
-        group.last_line, group.last_row = self.line, row
+        group.last_line, group.last_row, group.last_step = self.line, row, step
         if row["action"]:
             self._act(group, row)
         ends = _truth(row, "terminated") is True, _truth(row, "truncated") is True
@@ -443,12 +444,6 @@ class _Table:
             steps={} if allowed.all() else {ALLOWED: allowed},
             extras={DROPPED: int(actions[-1])} if dropped else {},
         )
-
-
-def _number_of(row: dict[str, str]) -> float:
-    """Return the number of a row in its episode; NaN where it has none."""
-    text = row.get("step", "")
-    return float(text) if is_quantity(text) else math.nan
 
 
 def _truth(row: dict[str, str], column: str) -> bool | None:

@@ -208,8 +208,7 @@ def order_of(found: Sequence[Feature], schema: Schema) -> list[int]:
             f"columns must have the names of the features, {', '.join(wanted)}, or their order, "
             f"got {', '.join(names)}"
         )
-    for feature, k in zip(schema.features, order, strict=True):
-        other = found[k]
+    for feature, other in zip(schema.features, (found[k] for k in order), strict=True):
         if other.name == feature.name and other.unit and feature.unit not in ("", other.unit):
             raise InvalidArgumentError(
                 f"{other.name} must be in {feature.unit}, got a column in {other.unit}"

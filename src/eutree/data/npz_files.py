@@ -106,10 +106,13 @@ def _rows(arrays: _Arrays) -> tuple[Episode, ...]:
     dones = arrays.get("dones")
     terminated = arrays.get("terminations")
     truncated = arrays.get("truncations")
-    if dones is not None and terminated is None:  # an end is of the one kind or of the other
-        terminated = dones if truncated is None else dones.astype(bool) & ~truncated.astype(bool)
-    elif dones is not None and terminated is not None and truncated is None:
-        truncated = dones.astype(bool) & ~terminated.astype(bool)
+    if dones is not None:  # an end is of the one kind or of the other
+        if terminated is None:
+            terminated = (
+                dones if truncated is None else dones.astype(bool) & ~truncated.astype(bool)
+            )
+        elif truncated is None:
+            truncated = dones.astype(bool) & ~terminated.astype(bool)
     if "starts" in arrays:
         starts = arrays["starts"]
     elif dones is not None:

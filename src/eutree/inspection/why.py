@@ -240,8 +240,8 @@ def _scale(policy: TreePolicy, scale: ArrayLike | None) -> Floats:
 
 def _support(policy: TreePolicy, leaf: int, demonstrations: Demonstrations) -> tuple[Support, ...]:
     found = []
-    check_kind("demonstrations", demonstrations, Demonstrations)
-    seen = demonstrations.with_history(policy.history, policy.past_actions)
+    shown = check_kind("demonstrations", demonstrations, Demonstrations)
+    seen = shown.with_history(policy.history, policy.past_actions)
     for number, episode in enumerate(seen):
         leaves = policy.tree.leaf_index(episode.observations[:-1])
         steps = np.flatnonzero(leaves == leaf).tolist()
