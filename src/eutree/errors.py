@@ -85,13 +85,7 @@ def blamed(
     place: str = "",
     errors: type[Exception] | tuple[type[Exception], ...] = InvalidArgumentError,
 ) -> Iterator[None]:
-    """Say that it is a file that is not as it must be: raise FormatError in place of others.
-
-    Args:
-        path: The file.
-        place: Where in it; empty for all of it.
-        errors: In place of which errors.
-    """
+    """Say that it is a file that is not as it must be: raise FormatError in place of others."""
     try:
         yield
     except errors as error:

@@ -3,6 +3,7 @@
 import json
 
 import gymnasium
+import numpy as np
 
 from eutree.policies import TreePolicy
 from eutree.schema import Feature, Schema
@@ -40,6 +41,20 @@ def test_verify_exits_with_0_for_a_proof_and_1_for_a_refutation(eutree, expert, 
     assert abs(sum(shares) - 1.0) < 1e-9
     proven = eutree("verify", expert, "--property", "no dead leaves", "--demos", demonstrations)
     assert (proven.code, proven.out.split(":")[0]) == (0, "proven")
+
+
+def test_verify_takes_observations_of_demonstrations_and_of_a_run(
+    eutree, demonstrations, expert, monkeypatch
+):
+    """Where both were given, the demonstrations counted for nothing."""
+    tree = DecisionTree.single_leaf(3).split(0, 0, 1.0)
+    TreePolicy(tree, [1, 0], TreePolicy.load(expert).schema).save("two.json")
+    seen = np.zeros((4, 3))  # of a run that stayed where it began
+    monkeypatch.setattr("eutree.training.stored_observations", lambda _: seen)
+    asked = ("verify", "two.json", "--property", "no dead leaves")
+    assert eutree(*asked, "--demos", demonstrations).code == 0
+    assert eutree(*asked, "--run", "run").code == 1
+    assert eutree(*asked, "--demos", demonstrations, "--run", "run").code == 0
 
 
 def test_verify_names_mistakes(eutree, expert):

@@ -6,6 +6,7 @@ import pytest
 from eutree.compression.episodes import Demand
 from eutree.contests import SmallestWithin, hold, new_table
 from eutree.contests.betting import episodes_needed, log_wealth, lower_bound, tuned_stake
+from eutree.contests.table import bounds_of_change
 
 LOSS = 100.0
 
@@ -90,3 +91,12 @@ def test_the_lower_bound_is_the_mean_that_wealth_just_rules_out():
     assert 0.35 < low < values.mean()
     assert log_wealth(values, low, 0.0) == pytest.approx(-np.log(0.05), abs=1e-6)
     assert lower_bound(np.zeros(0), -1.0, 0.05) == -1.0
+
+
+def test_a_range_that_was_seen_to_be_wrong_is_not_known():
+    """Returns of 9 to 20 in a "known" range of 0 to 5: the condition was left out."""
+    table = np.array([[9.0, 12.0, 11.0], [15.0, 20.0, 14.0]])
+    assert bounds_of_change(table, known=(0.0, 25.0)).condition() == ""
+    assert bounds_of_change(table, known=(9.0, 20.0 - 1e-9)).condition() == ""
+    said = bounds_of_change(table, known=(0.0, 5.0)).condition()
+    assert said.startswith("if no episode returns less than 0 or more than 20")

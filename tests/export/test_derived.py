@@ -256,3 +256,15 @@ def test_a_history_besides_is_refused(export):
     policy = TreePolicy(tree, np.array([0, 1]), schema, history=1)
     with pytest.raises(InvalidArgumentError, match="no history to be exported"):
         export(policy)
+
+
+def test_no_variable_of_structured_text_hides_a_function():
+    """`decide_ratio(decide_tree, decide_ratio)` called a variable."""
+    schema = Schema((Feature("decide tree"), Feature("decide ratio")), ("off", "on"))
+    schema = schema.derive(['q = "decide tree" / "decide ratio"'])
+    policy = TreePolicy(DecisionTree.single_leaf(3).split(0, 2, 1.0), np.array([0, 1]), schema)
+    source = to_structured_text(policy)
+    functions = set(re.findall(r"FUNCTION (\w+)", source))
+    variables = set(re.findall(r"^\s+(\w+) : LREAL", source, re.MULTILINE))
+    assert {"decide", "decide_tree", "decide_ratio"} <= functions
+    assert not functions & variables

@@ -1,7 +1,9 @@
 """The parts that exports share: identifiers, blocks of deep trees, layout, probes, options."""
 
+import builtins
 import re
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from eutree.errors import InvalidArgumentError, MissingExtraError
-from eutree.export import to_c, to_latex, to_onnx, to_svg
+from eutree.export import to_c, to_c_test, to_latex, to_onnx, to_python, to_svg
 from eutree.export._code import (
     C_WORDS,
     DEPTH,
@@ -145,6 +147,31 @@ def test_no_function_of_c_has_a_name_of_its_library_or_of_the_self_test(name):
     with pytest.raises(InvalidArgumentError, match="no reserved word"):
         to_c(policy, name=name)
     assert function_name(name).casefold() != name.casefold()
+
+
+def test_no_function_of_python_hides_one_that_it_calls():
+    """A masked policy called `next` asked itself for its leaf."""
+    policy = replace(policy_of(tree(4, 3), EVASION), masked=True)
+    with pytest.raises(InvalidArgumentError, match="no reserved word"):
+        to_python(policy, name="next")
+    called = set(re.findall(r"\b(\w+)\(", to_python(policy))) & set(dir(builtins))
+    for name in called:
+        with pytest.raises(InvalidArgumentError, match="no reserved word"):
+            to_python(policy, name=name)
+    assert "next" in called
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"name": 5}, "name must be a str"),
+        ({"n_random": -1}, "n_random must be an integer >= 0"),
+        ({"seed": -1}, "seed must be an integer from 0"),
+    ],
+)
+def test_odd_arguments_are_refused(wrong, said):
+    with pytest.raises(InvalidArgumentError, match=said):
+        to_c_test(policy_of(tree(2, 1)), **wrong)
 
 
 def test_no_identifier_is_a_function_block_of_controllers():

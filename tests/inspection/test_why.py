@@ -196,3 +196,24 @@ def test_a_small_margin_is_not_called_none():
     assert words[0].endswith("no: 8.002, by 0.002 m")
     assert why(crossing(), [7.998, 2.0]).alternatives[0].words.endswith("> 8 m (by 0.002) on")
     assert why(crossing(), [8.0, 2.0]).path[0].words.endswith("yes: 8, by 0 m")
+
+
+def test_an_alternative_whose_derived_features_do_not_fit_is_said_to_be_none():
+    """Its measured numbers alone are those of the observation, which gets the old action."""
+    schema = Schema((Feature("a"), Feature("b")), ("off", "on")).derive(["sum = a + b"])
+    policy = TreePolicy(DecisionTree.single_leaf(3).split(0, 2, 1.0), [0, 1], schema)
+    (made,) = why(policy, [0.25, 0.5]).alternatives
+    assert made.observation[:2].tolist() == [0.25, 0.5]
+    assert not made.occurs
+    assert made.words.endswith(
+        "(the derived features of that observation do not fit its measured ones)"
+    )
+    tested = replace(policy, tree=DecisionTree.single_leaf(3).split(0, 0, 1.0))
+    assert not why(tested, [0.25, 0.5]).alternatives[0].occurs  # a alone changes, not the sum
+    plain = TreePolicy(DecisionTree.single_leaf(2).split(0, 0, 1.0), [0, 1], schema.measured)
+    assert why(plain, [0.25, 0.5]).alternatives[0].occurs
+
+
+def test_a_scale_is_positive():
+    with pytest.raises(InvalidArgumentError, match="each of scale must be a number in"):
+        why(crossing(), [8.0, 2.0], scale=[1.0, 0.0])

@@ -208,10 +208,9 @@ class Parts(gymnasium.Env):
     """Two valves of three and two settings, one of which may not be open."""
 
     observation_space = spaces.Box(0.0, 1.0, (1,))
-    action_space = spaces.MultiDiscrete([3, 2])
 
-    def __init__(self, mask):
-        self.mask = mask
+    def __init__(self, mask, sizes=(3, 2)):
+        self.mask, self.action_space = mask, spaces.MultiDiscrete(sizes)
 
     def reset(self, *, seed=None, options=None):
         super().reset(seed=seed)
@@ -236,7 +235,63 @@ def test_masks_of_actions_in_parts(mask, allowed):
     assert GuardedEnv(GriddedAction(Parts(mask))).reset(0).tolist() == [0.0]
 
 
+@pytest.mark.parametrize(
+    ("mask", "allowed"),
+    [
+        ((np.array([1, 0]), np.array([1, 1])), [1, 1, 0, 0]),
+        ([[1, 0], [1, 1]], [1, 1, 0, 0]),
+        (np.array([[1, 0], [1, 1]]), [1, 0, 1, 1]),
+    ],
+)
+def test_masks_of_two_parts_of_two_are_not_taken_for_those_of_four_actions(mask, allowed):
+    """Four numbers are as many as there are combinations: forbidden actions were played."""
+    guarded = GuardedEnv(Parts(mask, (2, 2)))
+    guarded.reset(0)
+    assert guarded.allowed.astype(int).tolist() == allowed
+
+
+@pytest.mark.parametrize("mask", [[1, 0, 1, 1], np.array([1, 0, 1, 1])])
+def test_four_numbers_for_two_parts_of_two_are_not_guessed_at(mask):
+    with pytest.raises(EnvironmentFault, match=r"an action mask must be a tuple.* shape \(2, 2\)"):
+        GuardedEnv(Parts(mask, (2, 2))).reset(0)
+
+
 @pytest.mark.parametrize("mask", [[1, 1], [0] * 6, [2] * 6, "abcdef", [0.5] * 6])
 def test_what_is_no_mask_is_a_fault(mask):
     with pytest.raises(EnvironmentFault, match="an action mask must"):
         GuardedEnv(Parts(mask)).reset(0)
+
+
+class Choice(gymnasium.Env):
+    """Three actions of which the best is often forbidden, and the second best now and then."""
+
+    observation_space = spaces.Box(-1.0, 1.0, (2,))
+    action_space = spaces.Discrete(3)
+
+    def _now(self):
+        self.x = self.np_random.uniform(-1, 1, 2)
+        mask = np.array([self.x[0] <= 0.2, self.x[1] > 0.0, True])
+        return self.x.astype(np.float32), {"action_mask": mask}
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        self.t = 0
+        return self._now()
+
+    def step(self, action):
+        self.t += 1
+        observation, info = self._now()
+        return observation, [1.0, 0.5, 0.0][int(action)], False, self.t == 20, info
+
+
+@pytest.mark.parametrize("seed", [2, 5])
+def test_a_policy_is_evaluated_with_the_orders_of_its_own_leaves(seed):
+    """A start and a result of the same tests were one, whatever they fall back on under masks."""
+    env = gymnasium.wrappers.TimeLimit(Choice(), 20)
+    result = eutree.learn(env, steps=1000, seed=seed)
+    for policy, said in ((result.learned, result.curve[-1]), (result.first, result.curve[0])):
+        played = eutree.evaluate(policy, env, episodes=200, seed=99)
+        assert abs(played.mean_return - said.mean_return) < 1.0
+    first = eutree.evaluate(result.first, env, episodes=200, seed=99).mean_return
+    handed_over = eutree.evaluate(result.policy, env, episodes=200, seed=99).mean_return
+    assert handed_over > first - 0.5

@@ -224,3 +224,48 @@ def test_the_mean_return_over_all_starts_is_proven_too(coarse):
         assert found.counterexample is None
     with pytest.raises(InvalidArgumentError, match="is about chance"):
         prove(policy_of(GOOD), PLANT, "returns at least -100 with probability at least 0.9")
+
+
+def test_no_episode_arrives_behind_the_time_limit():
+    """It was proven to arrive within 159 steps where all episodes end after 100."""
+    short = MountainCar(EnvironmentSpec("MountainCar-v0", {"max_episode_steps": 100}))
+    found = prove(policy_of(GOOD), short, "arrives within 110 steps", effort=COARSE)
+    assert found.verdict == "refuted"
+    assert found.counterexample["steps"] == 100
+    env = gymnasium.make("MountainCar-v0", max_episode_steps=100)
+    position = found.counterexample["position"]
+    observation, _ = env.reset(options={"low": position, "high": position})
+    over = False
+    while not over:
+        action = policy_of(GOOD).act(observation.tolist())
+        observation, _, arrived, over, _ = env.step(action)
+    assert not arrived
+    endless = MountainCar(EnvironmentSpec("MountainCar-v0", {"max_episode_steps": -1}))
+    assert prove(policy_of(GOOD), endless, "arrives within 110 steps", effort=COARSE).proven
+
+
+def test_a_certificate_of_a_mean_return_has_no_boxes_of_starts():
+    """They were those of another question: whether it arrives."""
+    refuted = prove(policy_of(BAD), PLANT, "returns at least -50", effort=COARSE)
+    proven = prove(policy_of(BAD), PLANT, "returns at least -150", effort=COARSE)
+    assert (refuted.verdict, proven.verdict) == ("refuted", "proven")
+    assert (refuted.starts, refuted.undecided) == (proven.starts, proven.undecided) == (None, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ({"plant": None}, "plant must be a Plant"),
+        ({"plant": "MountainCar-v0"}, "plant must be a Plant"),
+        ({"plant": PLANT, "effort": 5}, "effort must be an? Effort"),
+    ],
+)
+def test_other_kinds_of_arguments_are_refused(arguments, said):
+    with pytest.raises(InvalidArgumentError, match=said):
+        prove(policy_of(GOOD), **arguments)
+
+
+@pytest.mark.parametrize("wrong", [{"smallest": -1.0}, {"smallest": np.nan}, {"box_steps": 0}])
+def test_an_effort_ends(wrong):
+    with pytest.raises(InvalidArgumentError, match=next(iter(wrong))):
+        Effort(**wrong)

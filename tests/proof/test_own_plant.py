@@ -189,3 +189,12 @@ def test_what_is_no_grid_is_refused(policy, grid, message):
     plant.grid = grid
     with pytest.raises(InvalidArgumentError, match=message):
         prove(policy, plant, "stays in water <= 90 for ever")
+
+
+def test_starts_are_of_as_many_numbers_as_states(policy):
+    """An internal error of NumPy, where the numbers behind were not looked at."""
+    plant = BoilerPlant()
+    plant.start = (*plant.start, (0.0, 1.0))
+    plant.step = lambda state, action: BoilerPlant.step(plant, state[:2], action)
+    with pytest.raises(InvalidArgumentError, match="start of BoilerPlant must have a range for"):
+        prove(policy, plant, ASKED)

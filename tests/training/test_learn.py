@@ -316,6 +316,26 @@ def test_a_planner_does_not_learn_offline(env, demonstrations):
         eutree.learn(None, demonstrations=demonstrations, method="planning")
 
 
+@pytest.mark.parametrize("limit", [{"steps": 100}, {"minutes": 1.0}])
+def test_limits_that_are_not_heard_offline_are_refused(demonstrations, limit):
+    with pytest.raises(InvalidArgumentError, match="must be None without an environment, got 1"):
+        eutree.learn(None, demonstrations=demonstrations, **limit)
+
+
+def test_a_run_is_not_resumed_with_less_than_it_has_had(env, demonstrations, tmp_path):
+    """Its configuration then named a budget that it had passed."""
+    options = {"demonstrations": demonstrations, "method": "paper", "out": tmp_path / "a"}
+    first = eutree.learn(env, episodes=10, **options)
+    config = (tmp_path / "a" / "config.json").read_bytes()
+    for less in ({"episodes": 5}, {"steps": first.steps - 1}):
+        with pytest.raises(
+            RunFolderError, match=r"the run has had \d+ (steps|episodes); ask for mo"
+        ):
+            eutree.learn(env, resume=True, **less, **options)
+    assert (tmp_path / "a" / "config.json").read_bytes() == config
+    assert eutree.learn(env, episodes=10, resume=True, **options).policy == first.policy
+
+
 def test_learning_offline_needs_demonstrations():
     with pytest.raises(InvalidArgumentError, match="'offline learning' needs demonstrations"):
         eutree.learn(None)

@@ -283,7 +283,10 @@ def chosen_method(
         raise InvalidArgumentError(f"{settings}: method must be {name!r} as asked, got {stored!r}")
     method = method_of(name or stored or ("corrected" if offline else "default"))
     method = with_choices(method, document)
-    method = with_choices(method, dict(_pair(text) for text in changes))
+    given = dict(_pair(text) for text in changes)
+    if discount is not None and "discount" in given:
+        raise InvalidArgumentError("--discount and --set discount say the same; leave out one")
+    method = with_choices(method, given)
     return method if discount is None else with_choices(method, {"discount": discount})
 
 

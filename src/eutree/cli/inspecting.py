@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+import numpy as np
 
 from eutree.cli import _options as option
 from eutree.cli._output import Result, figures_of, said_what_is_played, say
@@ -62,7 +63,7 @@ def why(policy: Path, observation: str, demos: Path | None) -> Result:
                 for step in found.path
             ],
             "alternatives": [
-                figures_of(other, "observation distance leaf words")
+                figures_of(other, "observation distance leaf words occurs")
                 | {"action": names[other.action]}
                 for other in found.alternatives
             ],
@@ -136,9 +137,10 @@ def verify(
     from eutree.training import stored_observations
 
     loaded = load_policy(policy)
-    rows = None if demos is None else seen_in(demos, loaded)
+    parts = [] if demos is None else [seen_in(demos, loaded)]
     if run_folder is not None:
-        rows = loaded.derivation.behind(stored_observations(run_folder))
+        parts.append(loaded.derivation.behind(stored_observations(run_folder)))
+    rows = np.concatenate(parts) if parts else None
     answers = [
         verify_policy(loaded, question, observations=rows, everywhere=everywhere)
         for question in questions

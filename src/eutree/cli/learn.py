@@ -38,6 +38,10 @@ from eutree.policies import TreePolicy
 from eutree.schema import EnvironmentSpec
 from eutree.zoo import card
 
+# What is not heard where nobody plays.
+_PLAYED = ("steps", "minutes", "judge_episodes", "front_steps", "evaluate_every",
+           "evaluation_episodes")  # fmt: skip
+
 if TYPE_CHECKING:
     from eutree.training import LearningResult, Teacher
     from eutree.training.listeners import StopRequest
@@ -176,6 +180,8 @@ def learn(
         raise InvalidArgumentError("--offline learns from demonstrations alone; name them: --demos")
     if offline and against is not None:
         raise InvalidArgumentError("--against needs an environment to act in; leave out --offline")
+    if offline:
+        option.refuse(_PLAYED, "nothing is played with --offline")
     spec = None if offline else _spec(environment, demonstrations, env_arguments, of_run)
     rival = None if spec is None or against is None else controller(against, "--against", spec)
     if demonstrations is None and expert is None and spec is not None:

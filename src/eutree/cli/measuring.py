@@ -115,13 +115,13 @@ def prove(
             check_writable(path)
     spec = _spec(loaded, policy, environment, env_arguments, "--env ID")
     plant, found = None if sampled else plant_of(spec), None
+    sampling = Sampling(confidence=confidence, returns=returns)
     if plant is not None:
         try:
             found = prove_policy(loaded, plant, question)
         except NeedsEpisodesError:
             say(f"the plant of {spec} says nothing of that: {counted(episodes, 'episode')} answer")
     if found is None:
-        sampling = Sampling(confidence=confidence, returns=returns)
         asked = asked_of_episodes(question, str(spec), sampling)
         check_fits(loaded, policy, spec)
         with said_what_is_played(episodes):

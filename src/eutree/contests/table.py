@@ -118,7 +118,7 @@ def bounds_of_change(
         lower_bound(gains, worst, error / 2),
         0.0 - lower_bound(-gains, worst, error / 2),  # no -0.0
         (low, high),
-        known is not None,
+        known is not None and np.allclose((low, high), known),  # what was seen may refute it
     )
 
 

@@ -21,7 +21,7 @@ from eutree.export.structured_text import to_structured_text
 from eutree.export.svg import to_svg
 from eutree.policies import TreePolicy
 from eutree.trees.text import definitions, printable, rules
-from eutree.validation import check_choice
+from eutree.validation import check_choice, check_kind
 
 __all__ = [
     "FORMATS", "ExportFormat", "export", "to_c", "to_c_header", "to_c_test", "to_dot", "to_json",
@@ -98,4 +98,4 @@ def export(policy: TreePolicy, format: str, **options: Any) -> str | bytes:
             raise InvalidArgumentError(f"format {format} takes no options, got {option!r}")
         if option not in entry.options:
             raise UnknownNameError(f"option of format {format}", option, entry.options)
-    return entry.function(policy, **options)
+    return entry.function(check_kind("policy", policy, TreePolicy), **options)

@@ -24,6 +24,7 @@ from eutree.schema import Schema
 from eutree.trees import DecisionTree
 from eutree.trees.text import Syntax, derived_features, nested
 from eutree.trees.tree import depths
+from eutree.validation import check_kind
 
 # Identifiers longer than this are cut: C99 promises 31 significant characters to the linker.
 _LENGTH = 31
@@ -67,6 +68,7 @@ def identifiers(names: Sequence[str], *, reserved: Iterable[str], prefix: str = 
 def check_identifier(argument: str, value: str, *, reserved: frozenset[str]) -> str:
     """Return ``value`` if it may name a function, else raise InvalidArgumentError."""
     words = {word.casefold() for word in reserved}
+    check_kind(argument, value, str)
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", value) or value.casefold() in words:
         raise InvalidArgumentError(
             f"{argument} must be an identifier (letters, digits and underscores) that is no "

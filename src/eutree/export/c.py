@@ -32,6 +32,7 @@ from eutree.export._c_numbers import (
 from eutree.policies import TreePolicy
 from eutree.trees import DecisionTree, text
 from eutree.trees.boxes import node_boxes
+from eutree.validation import check_integer, check_seed
 
 _SAFE = re.compile(r"[A-Za-z0-9 _.,:;()\[\]{}<>=+*/%&|^~!#'@$-]")
 _NO_FAST_MATH = [
@@ -373,7 +374,8 @@ def to_c_test(
     """
     code.check_identifier("name", name, reserved=code.C_WORDS)
     kind = numbers(policy, number, scale)
-    stored = stored_probes(policy, kind, n_random=n_random, seed=seed)
+    n_random = check_integer("n_random", n_random)
+    stored = stored_probes(policy, kind, n_random=n_random, seed=check_seed(seed))
     actions = _decided(policy, [meant(kind, row) for row in stored])
     rows = [f"    {{{', '.join(_constant(kind, value) for value in row)}}}" for row in stored]
     size, width = stored.shape

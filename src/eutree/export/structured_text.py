@@ -26,7 +26,8 @@ def to_structured_text(policy: TreePolicy, *, name: str = "decide") -> str:
     code.check_identifier("name", name, reserved=code.STRUCTURED_TEXT_WORDS)
     schema = policy.schema
     computed = code.exported_features(policy)
-    reserved = code.STRUCTURED_TEXT_WORDS | {name.casefold()} | (_OWN if computed else set())
+    ours = {name, *(f"{name}_{part}" for part in _parts(policy, name))}
+    reserved = code.STRUCTURED_TEXT_WORDS | ours | (_OWN if computed else set())
     inputs = code.identifiers(schema.feature_names, reserved=reserved)
     lines = [
         f"(* A decision tree with {counted(policy.n_leaves, 'leaf')}"
@@ -50,6 +51,12 @@ def literal(value: float) -> str:
     digits, _, exponent = repr(value).partition("e")
     mantissa = digits if "." in digits else f"{digits}.0"
     return f"{mantissa}E{int(exponent)}" if exponent else mantissa
+
+
+def _parts(policy: TreePolicy, name: str) -> set[str]:
+    """Return what our own functions are called behind ``NAME_``, but those of controls."""
+    blocks = {f"block{root}" for root in code.block_roots(policy.tree)}
+    return blocks | {"tree", *code.functions("structured_text", name)}
 
 
 def _function(policy: TreePolicy, name: str, inputs: list[str], root: int) -> list[str]:
@@ -130,9 +137,7 @@ def _entry(policy: TreePolicy, name: str, inputs: list[str]) -> list[str]:
 def _values(policy: TreePolicy, name: str, inputs: list[str]) -> list[str]:
     """Return the FUNCTION of each control."""
     schema = policy.schema
-    blocks = {f"block{root}" for root in code.block_roots(policy.tree)}
-    blocks |= {"tree", *code.functions("structured_text", name)}
-    names = code.control_identifiers(schema, reserved=frozenset(blocks))
+    names = code.control_identifiers(schema, reserved=frozenset(_parts(policy, name)))
     # A FUNCTION and a variable in it must not have the same name.
     taken = {variable.casefold() for variable in inputs}
     lines: list[str] = []

@@ -326,12 +326,8 @@ def _number(token: str) -> float | None:
 def check_says_all(asked: Property, schema: Schema, tested: Iterable[int] | None = None) -> None:
     """Raise InvalidArgumentError for a monotone property of what derived features are made of.
 
-    Nothing but the feature may change, and they change with it.
-
-    Args:
-        asked: Any property.
-        schema: Names of features and actions.
-        tested: The features that tests ask for; None for any.
+    Nothing but the feature may change, and they change with it, where tests ask for these (any, if
+    ``tested`` is None).
     """
     if asked.kind != "monotone" or not schema.derived:
         return

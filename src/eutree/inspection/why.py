@@ -12,7 +12,7 @@ from eutree.inspection.regions import Region, domain, is_box, leaf_parts
 from eutree.policies import TreePolicy
 from eutree.trees.boxes import leaf_boxes
 from eutree.trees.text import Digits, asked, printable, whole
-from eutree.validation import check_kind, check_vector
+from eutree.validation import check_kind, check_number, check_vector
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class PathTest:
 
 @dataclass(frozen=True, eq=False)
 class Alternative:
-    """The nearest observation with another action.
+    """The nearest observation with another action, derived features as free as measured ones.
 
     Attributes:
         action: The other action.
@@ -49,6 +49,7 @@ class Alternative:
         distance: Largest change of a feature, each in its scale.
         leaf: The leaf of that observation.
         words: The changes that it needs, in words.
+        occurs: Whether its derived features are what its measured ones make of them.
     """
 
     action: int
@@ -56,6 +57,7 @@ class Alternative:
     distance: float
     leaf: int
     words: str
+    occurs: bool = True
 
 
 @dataclass(frozen=True)
@@ -195,8 +197,18 @@ def _alternatives(
             continue
         leaf = int(leaves[np.lexsort((totals[leaves], distances[leaves]))[0]])
         words = _changes(policy, point, nearest[leaf], other, digits)
-        found.append(Alternative(other, nearest[leaf], float(distances[leaf]), leaf, words))
+        if not (occurs := _occurs(policy, nearest[leaf])):
+            words += " (the derived features of that observation do not fit its measured ones)"
+        one = Alternative(other, nearest[leaf], float(distances[leaf]), leaf, words, occurs)
+        found.append(one)
     return tuple(sorted(found, key=lambda alternative: alternative.distance))
+
+
+def _occurs(policy: TreePolicy, point: Floats) -> bool:
+    """Return whether derived features, but those of the step before, follow from measured ones."""
+    known, first = policy.derivation, policy.derivation.n_measured
+    made = known.rows(point[:first]) if known.formulas else point
+    return all(one.remembers or made[j] == point[j] for j, one in enumerate(known.formulas, first))
 
 
 def _changes(
@@ -233,7 +245,9 @@ def _margin(digits: Digits, feature: int, distance: float) -> str:
 
 def _scale(policy: TreePolicy, scale: ArrayLike | None) -> Floats:
     if scale is not None:
-        return check_vector("scale", scale, size=policy.tree.n_features)
+        scales = check_vector("scale", scale, size=policy.tree.n_features)
+        check_number("each of scale", float(scales.min()), low=0.0, low_open=True)
+        return scales
     width = np.array([feature.high - feature.low for feature in policy.schema.features])
     return np.where(np.isfinite(width) & (width > 0), width, 1.0)
 

@@ -324,14 +324,19 @@ class ActionMasks:
     def _of_actions(self, mask: Any) -> Booleans:
         env = numbered(self._env)
         grid, n_actions = grid_around(env), int(env.action_space.n)  # type: ignore[attr-defined]  # a Discrete
+        of_parts = isinstance(mask, tuple | list) and any(np.ndim(part) for part in mask)
         try:
-            if isinstance(mask, tuple | list):  # one for each part
-                mask = np.concatenate([np.atleast_1d(part) for part in mask])
-            allowed = np.asarray(mask).reshape(-1).astype(np.float64)
+            of_all = np.concatenate([np.ravel(part) for part in mask]) if of_parts else mask
+            allowed = np.asarray(of_all).reshape(-1).astype(np.float64)
         except (TypeError, ValueError):
             allowed = np.empty(0)
         sizes = [] if grid is None else [len(control.levels) for control in grid.controls]
-        if allowed.size == sum(sizes) != n_actions:
+        if sum(sizes) == n_actions and len(sizes) > 1 and np.ndim(mask) == 1 and not of_parts:
+            raise InvalidArgumentError(
+                f"an action mask must be a tuple, a mask for each part, or of shape {(*sizes,)} "
+                f"for all combinations: {n_actions} numbers may be either, got {shown(mask)}"
+            )
+        if allowed.size == sum(sizes) and (of_parts or allowed.size != n_actions):
             parts = np.split(allowed, np.cumsum(sizes)[:-1])
             allowed = np.min(np.meshgrid(*parts, indexing="ij"), axis=0).reshape(-1)
         if allowed.size != n_actions or not np.isin(allowed, (0.0, 1.0)).all():

@@ -103,14 +103,7 @@ class Invariant:
 
 
 def largest_invariant(acting: Acting, plant: Plant, keeps: Booleans, grid: StateGrid) -> Invariant:
-    """Return the largest set of cells that a policy never leaves.
-
-    Args:
-        acting: The policy on boxes.
-        plant: Moves the cells.
-        keeps: Which cells keep the conditions, shape [C].
-        grid: The cells.
-    """
+    """Return the largest set of cells that a policy never leaves, of those that ``keeps`` [C]."""
     firsts, lasts, counts = [], [], []
     for cells in np.array_split(np.arange(grid.n_cells), max(grid.n_cells // _AT_ONCE, 1)):
         first, last, count = _moves(acting, plant, grid, cells, keeps[cells])

@@ -148,13 +148,8 @@ def worst_starts(
     """Return starts [N, d] whose episodes do most harm at their worst step.
 
     They are drawn, and then drawn again around those that did most. Episodes are played in the
-    plant, whose middles are not quite the environment: to be replayed in it.
-
-    Args:
-        acting: The policy on boxes.
-        plant: Gives starts and moves states.
-        harm: How bad measures [m, N] are, shape [N].
-        horizon: Steps of an episode.
+    plant, whose middles are not quite the environment: to be replayed in it. ``harm`` says how bad
+    measures [m, N] are, shape [N].
     """
     generator, bounds = np.random.default_rng(0), np.array(plant.start).T
     width = bounds[1] - bounds[0]

@@ -171,6 +171,10 @@ class Plant:
                 of_boxes(moved)
         except Exception as error:
             raise InvalidArgumentError(f"{kind} cannot move boxes: {described(error)}") from error
+        if len(ends) != len(names):
+            raise InvalidArgumentError(
+                f"start of {kind} must have a range for each of {', '.join(names)}, got {len(ends)}"
+            )
         if len(moved) != len(names) or not all(isinstance(one, Intervals) for one in moved):
             expected = f"step of {kind} must return Intervals of {', '.join(names)}"
             raise InvalidArgumentError(f"{expected}, got {shown(moved)}")

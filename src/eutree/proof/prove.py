@@ -63,17 +63,21 @@ def prove(
             is not one of the plant's environment.
         NeedsEpisodesError: Only episodes can answer it.
     """
-    text = plant.question if question is None else question
+    effort = check_kind("effort", effort or Effort(), Effort)
+    text = check_kind("plant", plant, Plant).question if question is None else question
     if not isinstance(text, str):
         check_kind("question", text, EpisodeProperty)
     plant.check_fits(policy)
     asked = parse(text, plant.schema) if isinstance(text, str) else text
-    if (own := plant.certify(policy, asked, (effort or Effort()).refinements)) is not None:
+    if (own := plant.certify(policy, asked, effort.refinements)) is not None:
         return own
     is_known = plant.reward is not None and plant.limit is not None
     if asked.kind == "returns" and asked.chance is None and is_known:
         return _of_return(prove(policy, plant, "arrives", effort=effort), asked, plant)
-    horizon = plant.limit if asked.horizon is None else asked.horizon
+    limit = EVER if plant.limit is None else plant.limit
+    horizon = limit if asked.horizon is None else asked.horizon
+    if asked.kind == "arrives" and limit != EVER:
+        horizon = min(horizon, limit)  # no episode arrives later
     if asked.kind == "returns":
         raise NeedsEpisodesError(
             f"property {asked.text!r} is about chance or returns, of which the plant of "
@@ -85,13 +89,12 @@ def prove(
             f"{plant.environment} is left to chance but the start; ask whether it arrives, stays "
             "in or avoids"
         )
-    horizon = EVER if horizon is None else horizon
     if asked.kind == "arrives" and horizon != EVER and type(plant).arrives is Plant.arrives:
         raise InvalidArgumentError(
             f"property {asked.text!r} must be about a task with a goal, which "
             f"{plant.environment} has not; ask whether it stays in or avoids"
         )
-    proof = _Proof(policy, plant, asked, horizon, effort or Effort())
+    proof = _Proof(policy, plant, asked, horizon, effort)
     if horizon != EVER:
         # Layers are cut by the leaves' boxes, which are of measured features.
         measured = not derived_features(policy.tree, policy.schema)
@@ -111,7 +114,9 @@ def _of_return(found: Certificate, asked: EpisodeProperty, plant: Plant) -> Cert
     verdict = PROVEN if low >= least else REFUTED if high < least else UNDECIDED
     words = f"over all starts of {plant.environment} {_said(verdict, f'it {asked.text}')}: "
     words += f"its mean return is in [{low:.6g}, {high:.6g}]"
-    return replace(found, sentence=words, verdict=verdict, counterexample=None)
+    undecided = float(verdict == UNDECIDED)
+    found = replace(found, sentence=words, verdict=verdict, undecided=undecided)
+    return replace(found, counterexample=None, starts=None)
 
 
 def _said(verdict: str, statement: str) -> str:

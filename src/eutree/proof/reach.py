@@ -36,6 +36,7 @@ from eutree.proof.intervals import (
 )
 from eutree.proof.plant import Plant, State
 from eutree.trees.text import derived_features
+from eutree.validation import check_amounts, check_number
 
 MOST_ACTIONS = 64  # bits of a set of actions
 _AT_ONCE = 1 << 14  # boxes that are moved together: their arrays stay in the cache
@@ -56,6 +57,10 @@ class Effort:
     smallest: float = 2.0**-26
     box_steps: int = 300_000_000
     refinements: tuple[int, ...] = (1, 2)
+
+    def __post_init__(self) -> None:
+        check_number("smallest", self.smallest, low=0.0, high=1.0)
+        check_amounts(self, box_steps=1)
 
 
 class Acting:

@@ -73,13 +73,7 @@ def _chosen(policy: TreePolicy, observation: Any) -> int:
 def breaking_seed(
     plant: Plant, policy: TreePolicy, broken: Callable[[State], Truth]
 ) -> dict[str, int] | None:
-    """Return the seed and step of a real episode that breaks conditions; None if none does.
-
-    Args:
-        plant: Makes the environment.
-        policy: Chooses the actions.
-        broken: Whether states break them.
-    """
+    """Return the seed and step of a real episode that breaks conditions; None if none does."""
     env = plant.make()
     for seed in range(_SEEDS):
         observation, _ = env.reset(seed=seed)

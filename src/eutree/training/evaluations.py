@@ -20,7 +20,7 @@ from eutree.policies import TreePolicy
 from eutree.schema import EnvironmentSpec
 from eutree.training.handover import AS_LEARNED, Duel, Handover, Judgement, judge, judged
 from eutree.training.phases import ALONG, FEW, Plan, RunState, generator_of, left, within
-from eutree.training.proposals import key
+from eutree.training.proposals import identity, key
 
 if TYPE_CHECKING:
     from eutree.compression.front import Front
@@ -98,7 +98,7 @@ class PlayedStarts:
 
 
 def _digest(policy: TreePolicy, seed: int) -> str:
-    return hashlib.sha256(key(policy) + seed.to_bytes(8, "big")).hexdigest()[:16]
+    return hashlib.sha256(identity(policy) + seed.to_bytes(8, "big")).hexdigest()[:16]
 
 
 EARLIER = 3  # trees of a run that smaller ones are made of: the last, and those before it
@@ -287,7 +287,7 @@ class Evaluations:
         The start ``first`` has less to say where nobody has ``given`` it.
         """
         self._state.whole = True
-        if key(policy) == key(first):
+        if identity(policy) == identity(first):
             judgement = Judgement.same(challengers=challengers)
         elif (handover := self._plan.handover) is None:
             pair = [self._evaluated(one, self._fresh, arena) for one in (first, policy)]

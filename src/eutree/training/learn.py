@@ -118,14 +118,7 @@ def learn(
 
 
 def check_possible(env: Environment, asked: Asked, given: Mapping[str, Any], *, seed: int) -> None:
-    """Raise as ``learn`` does before its first episode, and write nothing.
-
-    Args:
-        env: Where to learn.
-        asked: The request for the run.
-        given: Its beginning, by the names of ``learn``.
-        seed: Its seed.
-    """
+    """Raise as ``learn`` does, whose names are in ``given``, before its first episode."""
     usual = {"demonstrations": None, "expert": None, "method": "auto", "start": None}
     with opened(env) as made:
         _prepared(made, asked, **(usual | dict(given)), seed=seed)
@@ -142,13 +135,7 @@ def rivalry(
 ) -> Against:
     """Return fresh episodes of a policy and of a rival, which have chosen nothing.
 
-    Args:
-        policy: The policy that a run hands over.
-        rival: Who else plays.
-        env: Where.
-        seed: Seed of the run.
-        known: Lowest and highest return of an episode; None where they are not known.
-        n_jobs: Processes, as ``evaluate`` takes them.
+    ``known`` are the lowest and the highest return of an episode, None where nobody knows them.
     """
     fresh = episode_seed(seed, 0, Stream.AGAINST)
     both = [

@@ -20,7 +20,6 @@ from types import FrameType
 from typing import Any
 
 import gymnasium
-from numpy.typing import ArrayLike
 
 from eutree.errors import InvalidArgumentError, needed, shown
 from eutree.files import make_folder
@@ -268,15 +267,9 @@ class TrainingModel:
         """The present policy, frozen."""
         return self.run.policy()
 
-    def predict(
-        self,
-        observation: ArrayLike,
-        state: Any = None,
-        episode_start: ArrayLike | None = None,
-        deterministic: bool = True,
-    ) -> tuple[Any, Any]:
-        """Decide as the present policy does."""
-        return self.policy.predict(observation, state, episode_start, deterministic)
+    def predict(self, *given: Any, **named: Any) -> tuple[Any, Any]:
+        """Decide as the present policy does, of whose ``predict`` these are the arguments."""
+        return self.policy.predict(*given, **named)
 
     def save(self, path: str | Path) -> None:
         """Write the present policy to a file."""

@@ -247,6 +247,9 @@ def _check_acts_nowhere(asked: Asked) -> None:
         raise InvalidArgumentError(
             f"race_steps must be 0 without an environment to run them in, got {races}"
         )
+    for name in ("steps", "minutes"):
+        if (limit := getattr(asked.budget, name)) is not None:
+            raise InvalidArgumentError(f"{name} must be None without an environment, got {limit}")
     if asked.handover.keep_success:
         raise InvalidArgumentError("keep_success must be False without an environment, got True")
     if asked.handover.against is not None:

@@ -188,13 +188,7 @@ class Proposals:
     def promising(
         self, policy: TreePolicy, own: Sequence[Episode], known: Advantages
     ) -> TreePolicy | None:
-        """Return the one of several variants that recorded steps speak for most.
-
-        Args:
-            policy: The tree to vary.
-            own: Some of its episodes.
-            known: Gains of recorded steps.
-        """
+        """Return the variant of a policy that recorded steps speak for most, by its episodes."""
         visited = np.concatenate([episode.observations[:-1] for episode in own])
         variation = Variation(policy.schema.n_actions, self.max_leaves, self._generator)
         tree = from_decision_tree(policy.tree, policy.actions)
@@ -424,6 +418,12 @@ class Proposals:
 def key(tree: TreePolicy) -> bytes:
     """Return the key that trees share which decide alike by the same tests."""
     return tree.tree.feature.tobytes() + tree.tree.threshold.tobytes() + tree.actions.tobytes()
+
+
+def identity(policy: TreePolicy) -> bytes:
+    """Return the key of a policy as it plays: under masks what its leaves know decides, too."""
+    known = policy.masked and (policy.orders != replace(policy, leaves=None).orders).any()
+    return key(policy) + (policy.orders.tobytes() if known else b"")
 
 
 def _decisions(policy: TreePolicy, known: Advantages) -> Integers:

@@ -146,13 +146,7 @@ class LearningResult(Displayed):
 
 
 def result_of(run: Run, policy: TreePolicy, teacher: Teacher | None) -> LearningResult:
-    """Return the result of a finished run.
-
-    Args:
-        run: The run.
-        policy: The policy that it hands over.
-        teacher: Who taught in place of a network, if one was given.
-    """
+    """Return the result of a finished run, which hands over a policy; a teacher may be given."""
     learner, at, evaluations, start = run.learner, run.at, run.evaluations, run.beginning.start
     judgement = evaluations.judgement
     return LearningResult(

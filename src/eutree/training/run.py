@@ -8,7 +8,6 @@ record the past; they never decide the next step.
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -29,9 +28,6 @@ from eutree.training.phases import Follower, Phase, Plan, Position, RunState, du
 from eutree.training.progress import GatheredEpisodes
 from eutree.training.search import PolicySearch
 from eutree.world_model.transitions import seen_as
-
-if TYPE_CHECKING:
-    from eutree.inspection import Property
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,11 +94,6 @@ class Run:
         self.evaluations = Evaluations(plan, self.state)
         self.racing = Racing(plan, self.state)
         self._clock = time.monotonic()
-        self._rules: tuple[Property, ...] = ()
-        if plan.monotone:
-            from eutree.inspection import monotone_rules
-
-            self._rules = monotone_rules(plan.monotone, beginning.problem.schema)
         # What is handed over is evaluated, compressed and shown where it was to act, start or not:
         # the expert tree may be another environment's.
         expert, environment = beginning.start.expert, beginning.problem.environment
@@ -197,13 +188,14 @@ class Run:
 
     def keeping(self, policy: TreePolicy) -> TreePolicy:
         """Return a policy that keeps the plan's monotone rules, by actions that masks allowed."""
-        if not self._rules:
+        if not self.plan.monotone:
             return policy
-        from eutree.inspection import keep_monotone
+        from eutree.inspection import keep_monotone, monotone_rules
 
+        rules = monotone_rules(self.plan.monotone, policy.schema)  # it may remember more than seen
         known = self._masked(policy)
         allowed = None if known is None else ever_allowed(policy, *known)
-        return keep_monotone(policy, self._rules, allowed=allowed)
+        return keep_monotone(policy, rules, allowed=allowed)
 
     def _masked(self, policy: TreePolicy) -> tuple[Floats, Booleans] | None:
         """Return where actions were masked and which were allowed; None where none was."""

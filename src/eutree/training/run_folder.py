@@ -194,6 +194,11 @@ class RunFolder:
                 f"{self.path}: the run has raced after {run.episode} episodes and cannot gather "
                 "more; start another one from its policy"
             )
+        for name, lived in (("episodes", run.at.episode), ("steps", run.at.steps)):
+            if self._longer and lived > (getattr(self._config, name) or lived):
+                raise RunFolderError(
+                    f"{self.path}: the run has had {lived} {name}; ask for more, or leave that out"
+                )
         if self._longer:
             write_document(self.path / "config.json", self._config)
         return True

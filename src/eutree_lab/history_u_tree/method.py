@@ -25,6 +25,7 @@ from typing import ClassVar
 import numpy as np
 
 from eutree.arrays import Booleans, Floats
+from eutree.errors import InvalidArgumentError
 from eutree.features import FeatureMap, threshold_between
 from eutree.learners import (
     Decisions,
@@ -128,6 +129,11 @@ class HistoryUTreeMethod(UTreeMethod):
 
     def features(self, problem: Problem) -> FeatureMap:
         """Return how a problem's observations and actions become features."""
+        if past := problem.history or problem.past_actions:
+            raise InvalidArgumentError(
+                f"history must be 0 with method {self.name!r}, which remembers by itself as its "
+                f"settings history and past_actions say, got {past}"
+            )
         return FeatureMap(
             n_observed=problem.n_features,
             n_actions=problem.n_actions,

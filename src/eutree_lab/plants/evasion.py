@@ -32,8 +32,11 @@ class Evasion(Plant):
         self._parameters: EvasionParameters = env.unwrapped.parameters  # type: ignore[attr-defined]  # it is an EvasionEnv
         self.state = tuple(env.unwrapped.feature_names)  # type: ignore[attr-defined]  # same
         low, high = env.unwrapped.return_range  # type: ignore[attr-defined]  # same
+        limit = env.spec.max_episode_steps if env.spec else None
         env.close()
         p = self._parameters
+        if limit is not None and limit < p.max_steps:  # Gymnasium is the first to cut it
+            p = self._parameters = replace(p, trial_limit=limit * p.time_step)
         _check(spec, "start", p.start, "anywhere")
         _check(spec, "bounce", p.bounce, "reflect")
         if not (0.0 < p.noise <= _MOST_NOISE and p.opponent_speed > 0):

@@ -9,6 +9,7 @@ from gymnasium import spaces
 
 import eutree
 from eutree.c45 import C45Settings, grow
+from eutree.errors import InvalidArgumentError
 from eutree.interaction import GuardedEnv
 from eutree.learners import Start
 from eutree.learners.starts import start_of
@@ -139,9 +140,37 @@ def test_its_policy_remembers_by_itself(tmp_path):
     assert policy.schema.feature_names[-1] == "did action_1, 1 ago"
 
 
-def test_it_learns_from_a_log_alone():
+def recorded_crossings():
     careless = eutree.experts.careless(eutree.experts.wait_at_crossing, 0.3, seed=1)
-    log = eutree.record("eutree/Evasion2-v0", careless, episodes=15, seed=3)
-    result = eutree.learn(None, demonstrations=log, method=HistoryUTreeMethod())
+    return eutree.record("eutree/Evasion2-v0", careless, episodes=15, seed=3)
+
+
+def test_it_learns_from_a_log_alone():
+    result = eutree.learn(None, demonstrations=recorded_crossings(), method=HistoryUTreeMethod())
     assert result.learned.past_actions == 1
     assert result.against_fit.n_held_out == 5
+
+
+def test_a_past_that_it_is_given_besides_is_refused(tmp_path):
+    """It ended in names that stood twice: "x0, 1 ago, 1 ago"."""
+    with pytest.raises(
+        InvalidArgumentError, match="history must be 0 with method 'history-u-tree'"
+    ):
+        eutree.learn("eutree/Evasion2-v0", method="history-u-tree", history=1, episodes=1)
+
+
+@pytest.mark.parametrize("alone", [False, True])
+def test_monotone_rules_are_kept_by_policies_that_remember(alone):
+    """Rules of the observation did not fit what remembers more: an internal error."""
+    log, rule = recorded_crossings(), "go in position"
+    result = eutree.learn(
+        None if alone else "eutree/Evasion2-v0",
+        demonstrations=log,
+        method="history-u-tree",
+        monotone=[rule],
+        episodes=4,
+        judge_episodes=0,
+        front_steps=0,
+    )
+    assert result.learned.history == 1
+    assert eutree.verify(result.learned, f"monotone {rule}").holds
