@@ -250,6 +250,12 @@ def test_masks_of_two_parts_of_two_are_not_taken_for_those_of_four_actions(mask,
     assert guarded.allowed.astype(int).tolist() == allowed
 
 
+def test_lists_of_parts_of_different_lengths_are_masks_of_parts():
+    guarded = GuardedEnv(Parts([[1], [0, 1], [1, 0, 1]], (1, 2, 3)))  # six numbers, six actions
+    guarded.reset(0)
+    assert guarded.allowed.astype(int).tolist() == [0, 0, 0, 1, 0, 1]
+
+
 @pytest.mark.parametrize("mask", [[1, 0, 1, 1], np.array([1, 0, 1, 1])])
 def test_four_numbers_for_two_parts_of_two_are_not_guessed_at(mask):
     with pytest.raises(EnvironmentFault, match=r"an action mask must be a tuple.* shape \(2, 2\)"):

@@ -331,7 +331,7 @@ class ActionMasks:
         except (TypeError, ValueError):
             allowed = np.empty(0)
         sizes = [] if grid is None else [len(control.levels) for control in grid.controls]
-        if sum(sizes) == n_actions and len(sizes) > 1 and np.ndim(mask) == 1 and not of_parts:
+        if sum(sizes) == n_actions and len(sizes) > 1 and not of_parts and np.ndim(mask) == 1:
             raise InvalidArgumentError(
                 f"an action mask must be a tuple, a mask for each part, or of shape {(*sizes,)} "
                 f"for all combinations: {n_actions} numbers may be either, got {shown(mask)}"
