@@ -253,10 +253,6 @@ def machine_code(kernel: _Function, *arguments: object) -> _Function:
     tuple of a dozen arrays that takes longer than the work of a learner's step. The function
     returned does not look: a caller answers for the types, dtypes and dimensions of the
     arguments and for the order of arrays, which must be those of ``arguments``.
-
-    Args:
-        kernel: A function from ``compiled``; returned as it is if EUTREE_JIT=0.
-        arguments: An example of each argument.
     """
     if not ENABLED:
         return kernel

@@ -73,11 +73,6 @@ def usual_width(low: float, high: float, values: Iterable[float]) -> float:
     That is the range between its bounds, or ten times the largest of the values where this is
     less: where a speed may be 10 m/s and never is 0.3, hundredths matter. A range that the bounds,
     or ``_TINY`` without any, call 0 has no digits that matter.
-
-    Args:
-        low: Its lower bound, or -inf.
-        high: Its upper bound, or inf.
-        values: Values that are to be shown, or that were seen.
     """
     width = high / 2 - low / 2 if max(-low, high) < _HUGE else math.inf
     sizes = [abs(value) for value in values if math.isfinite(value)]

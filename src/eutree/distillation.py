@@ -20,8 +20,8 @@ from eutree.c45 import grow
 from eutree.compression.smaller_trees import Costs, Prunings, merged
 from eutree.contests import best
 from eutree.data import Demonstrations, Episode
-from eutree.data.demonstrations import check_shown, lessons
-from eutree.data.episode import allowed_in
+from eutree.data.demonstrations import check_shown, lessons, taught_in
+from eutree.data.episode import CUT, allowed_in
 from eutree.errors import InvalidArgumentError, needed
 from eutree.evaluation import Evaluation, Interval, evaluate
 from eutree.interaction import GuardedEnv, episode_seed, run_episode
@@ -284,6 +284,7 @@ def distill(
     guarded.take_names(shown.schema)
     run = None if spec is None else RunPairs(Recipe.of(spec), strict)
     observations, actions = lessons(shown)
+    worth = np.concatenate([one.weights for one in shown.kept])[taught_in(shown) != CUT]
     seen, right, steps = [observations], [actions], shown.n_transitions
     trees: list[TreePolicy] = []
     results: list[Evaluation] = []
@@ -297,6 +298,7 @@ def distill(
             right.append(actions_on(policy, episode, guarded))
         observations = np.concatenate(seen)
         weight = np.ones(len(observations)) if stakes is None else weights(stakes(observations))
+        weight[: worth.size] *= worth  # of what a tree did before a person took over: nothing
         data = Labelled(observations, np.concatenate(right), weight)
         tree = fit(settings.learner, data, guarded.schema, guarded.spec, settings.max_leaves)
         trees.append(tree)
@@ -319,7 +321,7 @@ def distill(
         rounds=tuple(rounds),
         best=chosen,
         return_interval=results[chosen].return_interval,
-        labels=steps,
+        labels=data.actions.size,
         environment_steps=steps + validation_steps,
         validation_steps=validation_steps,
         weighted=stakes is not None,

@@ -7,6 +7,7 @@ import pytest
 from benchmarks.people import folder
 
 from eutree.data import Demonstrations
+from eutree.policies import TreePolicy
 from eutree.schema import EnvironmentSpec
 
 
@@ -56,3 +57,15 @@ def test_an_environment_that_is_not_there_is_said(eutree, stands_still, tmp_path
     answer = eutree("fit", "d", "--out", "e.json")
     assert answer.code == 0
     assert "WARNING: The tree was not played: unknown environment 'Nowhere-v0'" in answer.out
+
+
+def test_a_tree_is_of_the_environment_that_it_was_judged_in(eutree, demonstrations):
+    line = ("fit", demonstrations, "--env-arg", "opponent_speed=4.2", "--episodes", 4)
+    assert eutree(*line, "--release-8", "--out", "e.json").code == 0
+    assert TreePolicy.load("e.json").environment.arguments["opponent_speed"] == 4.2
+
+
+@pytest.mark.parametrize(("n", "words"), [(1, "one previous observation"), (2, "2 previous obs")])
+def test_how_much_a_tree_remembers_is_said(eutree, demonstrations, n, words):
+    line = ("fit", demonstrations, "--history", n, "--episodes", 0, "--out", "e.json")
+    assert words in eutree(*line).out

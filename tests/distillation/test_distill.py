@@ -246,3 +246,25 @@ def test_cart_decides_as_scikit_learn_does_one_step_of_float32_beside_its_thresh
     near = np.array([cuts, np.nextafter(cuts, -np.inf), np.nextafter(cuts, np.inf), cuts + 2e-5])
     grid = np.array([(one, other) for one in near.ravel() for other in near.ravel()[:40]])
     np.testing.assert_array_equal(policy.predict(grid)[0], grown.predict(grid))
+
+
+@pytest.mark.parametrize("learner", LEARNERS)
+def test_what_a_tree_did_before_a_person_took_over_is_not_copied(learner):
+    """The weights of driven episodes were those of any other."""
+    actions, by_hand = [CLIMB] * 2 + [RIGHT, JUMP], [False] * 2 + [True] * 2
+    driven = Episode(
+        observations=[[0.0], [0.0], [0.0], [2.0], [-5.0]],
+        actions=actions,
+        rewards=[0.0] * 4,
+        terminated=False,
+        truncated=True,
+        steps={"by_hand": np.array(by_hand)},
+    )
+    assert driven.weights.tolist() == [0.0] * 2 + [1.0] * 2
+    schema = shown_until_the_jump().schema
+    tree, _ = distilled(
+        Teacher(), Cellar(), demonstrations=Demonstrations((driven,) * 5, schema),
+        method="cloning", learner=learner, validation_episodes=2,
+    )  # fmt: skip
+    assert CLIMB not in tree.actions
+    assert tree.predict(np.array([0.0]))[0] == RIGHT

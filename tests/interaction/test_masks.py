@@ -15,12 +15,13 @@ from eutree.data.demonstrations import derive
 from eutree.data.episode import allowed_in
 from eutree.errors import EnvironmentFault, InvalidArgumentError
 from eutree.export import to_c, to_dot, to_python, to_structured_text, to_svg, to_text
+from eutree.inspection import edit, enforce
 from eutree.interaction import GriddedAction, GuardedEnv
 from eutree.interaction.first_look import first_difference
 from eutree.learners.registry import method as named
 from eutree.learners.registry import with_choices
 from eutree.policies import LeafStatistics, TreePolicy
-from eutree.schema import Schema
+from eutree.schema import Feature, Schema
 from eutree.trees import DecisionTree
 from tests.little_search import little_search
 from tests.masked import Light, Longest
@@ -301,3 +302,55 @@ def test_a_policy_is_evaluated_with_the_orders_of_its_own_leaves(seed):
     first = eutree.evaluate(result.first, env, episodes=200, seed=99).mean_return
     handed_over = eutree.evaluate(result.policy, env, episodes=200, seed=99).mean_return
     assert handed_over > first - 0.5
+
+
+def falling_back(seed, n_leaves=12):
+    """Return a policy of two features whose leaves fall back on values of their own."""
+    generator = np.random.default_rng(seed)
+    tree = DecisionTree.single_leaf(2)
+    while tree.n_leaves < n_leaves:
+        leaf = int(generator.integers(tree.n_leaves))
+        tree = tree.split(leaf, int(generator.integers(2)), float(generator.normal()))
+    values = generator.permuted(np.tile([3.0, 2.0, 1.0], (n_leaves, 1)), axis=1)
+    values[generator.random(n_leaves) < 0.6] = [3.0, 2.0, 1.0]
+    leaves = LeafStatistics(np.ones((n_leaves, 3), np.int64), values, np.zeros((n_leaves, 3)))
+    schema = Schema((Feature("u"), Feature("v")), ("a", "b", "c"))
+    return TreePolicy(tree, values.argmax(axis=1), schema, leaves=leaves, masked=True)
+
+
+def decided_under_masks(policy, seed=0):
+    generator = np.random.default_rng(seed)
+    rows = generator.normal(size=(400, 2))
+    masks = generator.random((400, 3)) < 0.5
+    masks[np.arange(400), generator.integers(3, size=400)] = True
+    return rows, policy.predict(rows, action_masks=masks)[0]
+
+
+@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("mode", ["merge", "lossless"])
+def test_a_lossless_compression_falls_back_as_before(seed, mode):
+    """It said 100 % and played other actions wherever the best one was forbidden."""
+    policy = falling_back(seed)
+    rows, wanted = decided_under_masks(policy)
+    small, report = eutree.compress(policy, rows, mode=mode)
+    assert report.agreement == 1.0
+    assert small.n_leaves <= policy.n_leaves
+    assert (decided_under_masks(small)[1] == wanted).all()
+
+
+def test_some_of_these_are_smaller():
+    policies = [falling_back(seed) for seed in range(8)]
+    rows = decided_under_masks(policies[0])[0]
+    assert min(eutree.compress(one, rows, mode="merge")[0].n_leaves for one in policies) < 12
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_rule_changes_nothing_elsewhere_under_masks(seed):
+    policy = falling_back(seed)
+    rows, wanted = decided_under_masks(policy)
+    ruled = enforce(policy, "always a when -0.001 < u <= 0.001 and v <= 0").policy
+    elsewhere = ~((np.abs(rows[:, 0]) <= 0.001) & (rows[:, 1] <= 0))
+    assert (decided_under_masks(ruled)[1] == wanted)[elsewhere].all()
+    node = int(np.flatnonzero(policy.tree.feature >= 0)[0])
+    moved = edit(policy, thresholds={node: float(policy.tree.threshold[node]) + 1e-9}).policy
+    assert (decided_under_masks(moved)[1] == wanted).all()

@@ -12,6 +12,7 @@ from gymnasium.wrappers import (
 
 import eutree  # noqa: F401 - registers its environments
 from eutree.errors import InvalidArgumentError
+from eutree.interaction import DerivedObservation
 from eutree.interaction.first_look import return_range
 from tests.interaction.versions import CLIFF, TAXI
 
@@ -120,6 +121,7 @@ def test_a_range_that_nobody_knows_is_none(env):
         (TimeLimit(gymnasium.make("CartPole-v1"), 20), (0.0, 20.0)),
         (TimeLimit(gymnasium.make("CartPole-v1"), 1000), (0.0, 500.0)),
         (Turned(gymnasium.make("eutree/Evasion2-v0")), (-170.0, 100.0)),
+        (DerivedObservation(gymnasium.make("MountainCar-v0"), ["v2 = 2 * velocity"]), (-200.0, 0)),
         (Said(gymnasium.make("CartPole-v1")), (-500.0, 0.0)),
         (gymnasium.make("MountainCar-v0"), (-200.0, 0.0)),
     ],

@@ -11,9 +11,10 @@ import pytest
 import eutree  # noqa: F401 - registers the environments
 from eutree.data import Demonstrations
 from eutree.interaction.episode import replay
+from eutree.recording import Recorder, SessionSettings
 from eutree.recording.browser.server import HIDDEN
 from tests.recording.people import Corridor
-from tests.recording.serving import ENOUGH, serving
+from tests.recording.serving import ENOUGH, in_a_thread, serving
 from tests.recording.typists import (
     DRAWING,
     DRAWN,
@@ -243,6 +244,31 @@ def test_a_network_cut_pauses_and_the_page_comes_back_by_itself(chromium, tmp_pa
         driver.loop.call_soon_threadsafe(driver.transport.abort)
         person.until(state="paused", role="acting", connection="open")
         person.up("ArrowRight").tap("Enter").until(state="playing", action=1)
+
+
+def test_a_pad_of_two_keys_holds_both(chromium, tmp_path) -> None:
+    """The pad of "coast", left and right, drove to the left."""
+    env = Corridor(length=100, limit=10_000)
+    settings = SessionSettings(target=3, countdown=0.2)
+    recorder = Recorder(env, tmp_path, keys="left=0,left+right=1,right=2", settings=settings)
+    with in_a_thread(recorder) as served:
+        person = Person(chromium, served).until(state="opening")
+        person.page.locator("button[data-command=start]").click()
+        person.until(state="playing")
+        person.page.locator(".pad[data-action=right]").hover()
+        person.page.mouse.down()
+        person.until(action=2)
+        person.page.mouse.up()
+        person.page.locator(".pad[data-key='left+right']").hover()
+        person.page.mouse.down()
+        person.until(action=1)
+        assert person.page.locator(".pad[data-key='left+right'].on").count() == 1
+        person.page.mouse.up()
+        person.page.locator("button[data-command=end]").click()
+        person.until(state="review")
+        edges = served.session.episodes[0].extras["edges"]
+        both = [(key, down) for key, down, _, _ in edges][2:]
+        assert sorted(both) == [("left", False), ("left", True), ("right", False), ("right", True)]
 
 
 def test_a_pointer_or_finger_acts_like_the_key(chromium, tmp_path) -> None:

@@ -13,7 +13,7 @@ from eutree.interaction import episode_seed
 from eutree.interaction.episode import replay
 from eutree.interaction.guard import GuardedEnv
 from eutree.recording import Recorder, SessionSettings
-from eutree.recording.events import Away, EpisodeEnded
+from eutree.recording.events import Away, EpisodeChanged, EpisodeEnded
 from eutree.recording.scenes import (
     Course,
     Programme,
@@ -203,6 +203,30 @@ def test_the_tree_of_all_that_is_stored_drives_on(person) -> None:
     first, second = stored(person)
     assert (set(first.actions), set(second.actions)) == ({STAY}, {RIGHT})
     assert first.seed != second.seed
+
+
+def test_a_tree_is_fitted_again_behind_what_is_stored(person) -> None:
+    """It was fitted to the episode that was being discarded, too."""
+    known = []
+
+    def refit():
+        changed = [output for output in person.outputs if isinstance(output, EpisodeChanged)]
+        known.append((len(stored(person)), len(changed)))
+        return always(STAY)
+
+    correcting(person, always(STAY), refit)
+    until_over(person)
+    assert known == [(1, 0)]
+    person.tap("delete").wait(0.2)
+    assert known == [(1, 0), (1, 1)]
+    person.tap("delete").wait(0.2)  # in the middle of the next one
+    assert known[2][0] == 2
+
+
+def test_the_key_that_begins_again_does_not_end_a_pause_of_driving(person) -> None:
+    correcting(person, always(STAY)).wait(0.3).tap("p").tap("r").wait(0.2)
+    assert person.view.driving.is_paused
+    assert not person.tap("enter").view.driving.is_paused
 
 
 def test_driven_episodes_are_not_counted_as_shown_and_may_be_discarded(person) -> None:

@@ -189,3 +189,12 @@ def test_kill_9_loses_at_most_the_step_in_flight(tmp_path, patience) -> None:
     for episode in stored:
         seen = [env.reset(seed=episode.seed)[0], *(env.step(a)[0] for a in episode.actions)]
         assert np.array_equal(seen, episode.observations)
+
+
+def test_nothing_is_made_for_what_cannot_be_seen(tmp_path) -> None:
+    """A folder was left that stood in the way of the next recording."""
+    env = Corridor()
+    env.render_mode = None
+    with pytest.raises(InvalidArgumentError, match="env must be made with render_mode"):
+        Recorder(env, tmp_path / "demos")
+    assert not (tmp_path / "demos").exists()

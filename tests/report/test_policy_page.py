@@ -18,7 +18,7 @@ from eutree.policies import LeafStatistics, TreePolicy
 from eutree.report import WatchedEpisode, policy_page
 from eutree.report.html import Pointer
 from eutree.report.policy_page import policy_verdict
-from eutree.report.tree_data import policy_features
+from eutree.report.tree_data import policy_features, tree_data
 from eutree.schema import Control, EnvironmentSpec, Feature, Schema, combined_actions
 from eutree.trees import DecisionTree
 from eutree.trees.boxes import leaf_boxes
@@ -496,3 +496,12 @@ def test_a_page_speaks_of_kinds_as_rules_do(chromium: Any, tmp_path: Path) -> No
     assert answers == ["no", "yes"]
     opened.assert_quiet()
     opened.page.close()
+
+
+def test_what_a_tested_derived_feature_is_made_of_is_no_axis_of_the_slice() -> None:
+    """Along it the derived feature was held at its present value: the plane was one rectangle."""
+    schema = Schema((Feature("a"), Feature("b"), Feature("c")), ("off", "on"))
+    schema = schema.derive(["sum = a + b", "twice = 2 * c"])
+    policy = TreePolicy(DecisionTree.single_leaf(5).split(0, 3, 1.0), np.array([0, 1]), schema)
+    parts = [one["name"] for one in tree_data(policy, ())["features"] if one["isPart"]]
+    assert parts == ["a", "b"]

@@ -143,6 +143,8 @@ def compress(
         real = None if real is None else replace(real, searches=plays, evaluates=plays)
     # Where nothing can be played, the world model of the run's own transitions chooses.
     imagined |= bool(plays and unplayed and options["max_leaves"] is not None and source.is_dir())
+    if front is not None and not plays and return_margin is None:
+        raise InvalidArgumentError("--front needs a search, by playing or with --return-margin")
     if unplayed and front is not None:
         raise InvalidArgumentError(f"--front needs an environment to play in{unplayed}")
     observations = _observations(source, demos, policy, needed=not plays or real is None)

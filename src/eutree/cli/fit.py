@@ -3,7 +3,7 @@
 Of demonstrations, played and compared with their demonstrator; or of another policy.
 """
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -79,6 +79,8 @@ def fit(
             on_progress=line.stage,
             **options,
         )
+    if env_arguments:  # it is judged there
+        report = replace(report, policy=replace(report.policy, environment=env))
     report.policy.save(out)
     hint = ""
     is_open = report.verdict and (report.verdict.is_worse or report.verdict.is_open)
@@ -187,6 +189,10 @@ def _settings(
     chosen: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
     if not (chosen or release_8 or no_pruning):
         return None
+    if release_8 and (chosen or no_pruning):
+        raise InvalidArgumentError("--release-8 leaves nothing to choose: leave out the rest")
+    if no_pruning and confidence is not None:
+        raise InvalidArgumentError("--confidence says how to prune; leave it out, or --no-pruning")
     return C45Settings(**chosen, prune=not no_pruning)
 
 
@@ -252,11 +258,14 @@ def distill(
     teacher = _teacher(spec, expert, policy)
     shown = None if demos is None else load_demonstrations(demos)
     check_writable(out)
-    with cluster(backend, address), progress("distilling", settings["iterations"]) as line:
+    if settings["method"] == "cloning":
+        option.refuse({"iterations"}, "cloning fits one tree")
+    chosen = DistillationSettings(**settings)
+    with cluster(backend, address), progress("distilling", chosen.rounds) as line:
         tree, report = distill_teacher(
             teacher,
             spec,
-            DistillationSettings(**settings),
+            chosen,
             demonstrations=shown,
             on_round=lambda number, made: line.update(
                 number + 1,

@@ -151,15 +151,31 @@ _CONFIDENCES = (0.25, 0.05, 0.005)
 
 
 def merged(policy: TreePolicy) -> TreePolicy:
-    """Return the policy with equal siblings joined: the same decision on all that can be."""
+    """Return the policy with equal siblings joined: the same decision on all that can be.
+
+    Under masks leaves are equal that prefer all actions in the same order.
+    """
+    if policy.masked:
+        return policy if policy.locked else _joined(policy)
     policy = within_kinds(replace(policy, leaves=None, locked=()))
     tree, actions = merge(policy.tree, policy.actions)
     return replace(policy, tree=tree, actions=actions)
 
 
+def _joined(policy: TreePolicy) -> TreePolicy:
+    """Return the policy with siblings of one order joined, if all leaves keep theirs then."""
+    orders, one, labels = np.unique(
+        policy.orders, axis=0, return_index=True, return_inverse=True
+    )  # fmt: skip
+    tree, kept = merge(policy.tree, labels.reshape(-1))
+    known = policy.leaves and policy.leaves.of(one[kept])
+    found = replace(policy, tree=tree, actions=orders[kept, 0], leaves=known)
+    return found if (found.orders == orders[kept]).all() else policy
+
+
 def with_locks(changed: TreePolicy, policy: TreePolicy) -> TreePolicy:
     """Return ``changed`` with the locked leaves of ``policy`` in it: their boxes and actions."""
-    if not policy.locked:
+    if not policy.locked or changed.locked:
         return changed
     n_actions = policy.schema.n_actions
     marks = {leaf: n_actions + leaf for leaf in policy.locked}  # one label each: never joined

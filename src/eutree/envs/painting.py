@@ -210,13 +210,7 @@ class Window:
         between: Callable[[float], EvasionState],
         seconds: float,
     ) -> None:
-        """Show the way to the present state, which takes ``seconds``.
-
-        Args:
-            parameters: The environment's constants.
-            between: The state at a share, from 0 to 1, of the last step.
-            seconds: How long to take.
-        """
+        """Show the way to the present state, which takes ``seconds``."""
         frames = max(1, round(seconds * FRAMES_PER_SECOND))
         for frame in range(1, frames + 1):
             self._pygame.event.pump()

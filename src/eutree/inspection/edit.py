@@ -76,7 +76,8 @@ def edit(
         tree=replace(tree, threshold=cuts),
         actions=labels,
         locked=tuple(sorted(locked)),
-        leaves=None if moved else policy.leaves,  # counts of other boxes say nothing now
+        # Counts of other boxes say nothing now, but under masks they are what is fallen back on.
+        leaves=None if moved and not policy.masked else policy.leaves,
     )
     return Edited(result, tuple(changes), tuple(_warnings(policy, result)))
 
@@ -191,7 +192,8 @@ def _with_rule(policy: TreePolicy, rule: Property, region: Region, action: int) 
         tree=tree,
         actions=np.where(origins == _ENFORCED, action, policy.actions[origins]),
         locked=tuple(sorted(ruled | set(np.flatnonzero(kept).tolist()))),
-        leaves=None,  # counts of other boxes say nothing now
+        # Counts of other boxes say nothing now, but under masks they are what is fallen back on.
+        leaves=policy.leaves.of(origins) if policy.leaves and policy.masked else None,
     )
 
 

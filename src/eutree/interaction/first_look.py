@@ -194,7 +194,8 @@ def return_range(env: gymnasium.Env[Any, Any]) -> tuple[float, float] | None:
     while vars(inner).get("return_range", getattr(type(inner), "return_range", None)) is None:
         if not isinstance(inner, gymnasium.Wrapper):
             return _documented(inner, limits)
-        if type(inner).step not in LEAVE_REWARDS or "step" in vars(inner):
+        leaves = type(inner).step in LEAVE_REWARDS or "_derivation" in vars(inner)
+        if not leaves or "step" in vars(inner):
             return None
         if isinstance(inner, wrappers.TimeLimit):
             limits.append(inner._max_episode_steps)

@@ -372,13 +372,7 @@ TREE_AND_HISTORY = (TREE_PART, HISTORY_PART, SHOWN_PART, MASKS_PART, LOCKED_PART
 
 
 def action_tree_part(prefix: str, at: str = "", *, optional: bool = False) -> Part:
-    """Return the arrays of one tree of actions, under names with a prefix.
-
-    Args:
-        prefix: The prefix.
-        at: The learner's attribute, of which None has no arrays; "" as in ``Stored``.
-        optional: Whether there may be no tree.
-    """
+    """Return the arrays of one tree of actions, under names with a prefix; None has none."""
 
     def is_tree(found: Found) -> None:
         check_action_trees(found, prefix, [len(found.state[f"{prefix}feature"])])

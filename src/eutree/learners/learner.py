@@ -472,14 +472,7 @@ def check_fits(method: Method, problem: Problem, start: Start, *, offline: bool 
 
 
 def check_has_all(one: object, protocol: type, kind: type, besides: Iterable[str] = ()) -> None:
-    """Raise InvalidArgumentError unless a method or its learner has all that a protocol names.
-
-    Args:
-        one: The class of the method, or a learner.
-        protocol: ``Method`` or ``Learner``.
-        kind: The class of the method.
-        besides: Names that only instances of it have.
-    """
+    """Raise InvalidArgumentError unless a method or its learner has all that a protocol names."""
     wanted = [n for n in (*protocol.__annotations__, *vars(protocol)) if not n.startswith("_")]
     lacking = [name for name in wanted if not hasattr(one, name) and name not in besides]
     if lacking:

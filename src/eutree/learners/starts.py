@@ -113,8 +113,9 @@ class FittedTree:
             parts.append(f"CF {chosen.confidence:g}")
         if chosen.min_objects != RELEASE_8.min_objects:
             parts.append(f"m {chosen.min_objects:g}")
-        if self.policy.history:
-            parts.append("with one previous observation")
+        if n := self.policy.history:
+            more = f"{n} previous observations"
+            parts.append(f"with {'one previous observation' if n == 1 else more}")
         return ", ".join(["C4.5" if parts else "C4.5 of release 8", *parts, *self.repairs])
 
 

@@ -219,14 +219,7 @@ class TransitionCounts:
 
     def set_rewards(self, leaves: ArrayLike, states: ArrayLike, actions: ArrayLike,
                     rewards: ArrayLike) -> None:  # fmt: skip
-        """Set the reward sums of some leaves to the sums over these rows, added in row order.
-
-        Args:
-            leaves: The states whose sums are set.
-            states: State of each row; the rows are all transitions that left these leaves.
-            actions: Action of each row.
-            rewards: Reward of each row.
-        """
+        """Set the reward sums of some leaves to the sums over all rows that left them, in order."""
         self.version += 1
         rows = self._checked(states, actions, rewards, states)
         self.arrays.reward_sums[np.asarray(leaves, dtype=np.int64)] = 0.0

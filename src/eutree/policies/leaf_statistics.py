@@ -38,6 +38,13 @@ class LeafStatistics(Frozen):
             return "a value is the return expected after an action: Q, or the mean of what followed"
         return "a value is the mean return that followed; each leaf tried one action: no Q"
 
+    def of(self, leaves: Integers) -> "LeafStatistics":
+        """Return those of some leaves, [K]; of a negative number nothing is known."""
+        known = leaves[:, np.newaxis] >= 0
+        values, deviations = (np.where(known, one[leaves], np.nan)
+                              for one in (self.values, self.deviations))  # fmt: skip
+        return LeafStatistics(np.where(known, self.visits[leaves], 0), values, deviations)
+
     def __post_init__(self) -> None:
         freeze(self, "visits", dtype=np.int64)
         freeze(self, "values", "deviations", dtype=np.float64)
@@ -98,12 +105,6 @@ def orders_of(
 
     The others follow by their value in the leaf, then by their visits, where these are known; then
     those that the nearest leaves of the tree have, the more of them the earlier; then by number.
-
-    Args:
-        tree: Tests and leaves of the policy.
-        actions: Action of each leaf, shape [L].
-        n_actions: Number of actions A.
-        leaves: Statistics of the leaves; None if there are none.
     """
     counts = tree.totals(np.eye(n_actions, dtype=np.int64)[actions])  # leaves of each action
     orders = np.empty((tree.n_leaves, n_actions), dtype=np.int64)

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 
 from eutree.arrays import Booleans, Floats
-from eutree.policies.leaf_statistics import LeafStatistics
 from eutree.policies.tree_policy import TreePolicy
 from eutree.trees.boxes import possible_nodes
 from eutree.trees.edit import holding, reachable
@@ -15,11 +14,6 @@ def within_reach(policy: TreePolicy, low: Floats, high: Floats) -> TreePolicy:
     """Return the policy without tests beyond a box; the same one where there are none.
 
     A cut made in a model of the world may lie beyond all observations of the world.
-
-    Args:
-        policy: Policy to cut down.
-        low: Smallest value of each feature that may come, shape [d].
-        high: Largest value of each feature that may come, shape [d].
     """
     tree = policy.tree
     inner = np.flatnonzero(tree.feature != tree.NO_FEATURE)
@@ -47,13 +41,11 @@ def _reached(policy: TreePolicy, reached: Booleans) -> TreePolicy:
     if tree.n_leaves == policy.n_leaves:
         return policy
     known, locked = policy.leaves, set(policy.locked)
-    if known is not None:
-        known = LeafStatistics(known.visits[leaves], known.values[leaves], known.deviations[leaves])
     return replace(
         policy,
         tree=tree,
         actions=policy.actions[leaves],
-        leaves=known,
+        leaves=known and known.of(leaves),
         locked=tuple(new for new, leaf in enumerate(leaves.tolist()) if leaf in locked),
     )
 
@@ -61,12 +53,8 @@ def _reached(policy: TreePolicy, reached: Booleans) -> TreePolicy:
 def among_allowed(policy: TreePolicy, observations: Floats, allowed: Booleans) -> TreePolicy:
     """Return a policy whose leaves name no action that was never allowed where they decided.
 
-    Such a leaf names the first action of its order that was; its decisions stay the same.
-
-    Args:
-        policy: Policy whose leaves may name forbidden actions.
-        observations: Where actions were masked, shape [N, d].
-        allowed: Which actions were allowed there, shape [N, A].
+    Such a leaf names the first action of its order that was; its decisions stay the same. Actions
+    were masked at ``observations``, [N, d], where those of ``allowed``, [N, A], were left.
     """
     ever = ever_allowed(policy, observations, allowed)
     ever[list(policy.locked)] = True
@@ -78,12 +66,7 @@ def among_allowed(policy: TreePolicy, observations: Floats, allowed: Booleans) -
 def ever_allowed(policy: TreePolicy, observations: Floats, allowed: Booleans) -> Booleans:
     """Return which actions were ever allowed where each leaf decides, shape [L, A].
 
-    Of a leaf that no observation reached nothing is known: all are.
-
-    Args:
-        policy: Policy of L leaves.
-        observations: Where actions were masked, shape [N, d].
-        allowed: Which actions were allowed there, shape [N, A].
+    Of a leaf that none of the observations [N, d] reached nothing is known: all are.
     """
     ever = np.zeros((policy.n_leaves, allowed.shape[1]), dtype=np.bool_)
     np.logical_or.at(ever, policy.tree.leaf_index(observations), allowed)

@@ -30,7 +30,7 @@ class Driving:
         self._env, self._play, self._recording = env, play, recording
         self._programme: Programme | None = None
         self._is_new = self._is_paused = self._by_hand = False
-        self._number = self._n_by_hand = 0
+        self._number = self._n_by_hand = self._ticks_to_refit = 0
         self._course: Course | None = None
         self._over_at: float | None = None
         self._ending = ""
@@ -79,7 +79,7 @@ class Driving:
             self._go_on(now, self._number + 1)
         elif name == "redo" and self._play.state == WATCHING:
             self._go_on(now, self._number)
-        elif name == "pause" or self._is_paused:
+        elif name == "pause" or (name == "start" and self._is_paused):
             self._pause(now, on=not self._is_paused)
         return True
 
@@ -91,6 +91,10 @@ class Driving:
     def advance(self, now: float) -> None:
         """Take the next step if it is due, or go on to the next episode."""
         play = self._play
+        self._ticks_to_refit -= 1
+        if not self._ticks_to_refit and self._programme is not None:
+            self._refit()
+            self._course = Course(self._programme.policy)
         if self._is_new and play.state in (OPENING, REVIEW, WATCHING):
             self._begin(now, WATCHING)
         if not self.is_on or self._is_paused:
@@ -206,7 +210,7 @@ class Driving:
             self._recording.mark(self._recording.last, kept=False, comment=comment)
         else:
             return
-        self._refit()
+        self._ticks_to_refit = 2  # what becomes of the episode is stored behind this one
 
     def _pause(self, now: float, *, on: bool) -> None:
         self._is_paused = on

@@ -23,7 +23,7 @@ from eutree.recording.events import (
     Tick,
 )
 from eutree.recording.keys import KeyMap, keys_of_environment, parse_keys
-from eutree.recording.session import Session
+from eutree.recording.session import Session, check_is_seen
 
 PERSON = "a person"
 
@@ -61,6 +61,7 @@ class Recorder:
         if isinstance(keys, str):
             keys = parse_keys(keys, guarded.schema)
         keys = keys or keys_of_environment(env, guarded.schema)
+        check_is_seen(guarded)  # before there is a folder
         self.folder = DemonstrationFolder.create(folder, guarded.schema, guarded.spec, PERSON)
         self.recovered = self.folder.recover()
         recorded = sorted(self.folder.read_all().items())

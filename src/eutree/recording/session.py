@@ -66,6 +66,15 @@ FEW = 2  # demonstrations before the page names a situation not shown yet
 EDITS = ("cut", "flip", "all", "again", "undo", "accept")  # of the demonstrations
 
 
+def check_is_seen(env: GuardedEnv) -> None:
+    """Raise InvalidArgumentError unless an environment draws what a person has to see."""
+    if env.env.render_mode != "rgb_array":
+        raise InvalidArgumentError(
+            "env must be made with render_mode='rgb_array' so that a person sees it, "
+            f"got {env.env.render_mode!r}"
+        )
+
+
 class Session:
     """A person's recording session in one environment.
 
@@ -106,11 +115,7 @@ class Session:
         recorded: Sequence[tuple[int, Episode]] = (),
         free_start: Callable[[], int] = lambda: 0,
     ) -> None:
-        if env.env.render_mode != "rgb_array":
-            raise InvalidArgumentError(
-                "env must be made with render_mode='rgb_array' so that a person sees it, "
-                f"got {env.env.render_mode!r}"
-            )
+        check_is_seen(env)
         self.settings = settings or SessionSettings()
         self.env = env
         pace = Pace(self.settings.fps or frames_per_second(env))

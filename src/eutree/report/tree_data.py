@@ -16,7 +16,7 @@ from eutree.policies import TreePolicy
 from eutree.report.html import LeafChange, as_json, base_style
 from eutree.report.watching import WatchedEpisode
 from eutree.schema import Feature, Schema
-from eutree.trees.text import Digits
+from eutree.trees.text import Digits, derived_features
 
 SIZE_LIMIT = 5_000_000
 
@@ -36,6 +36,7 @@ def tree_data(
     """
     tree, schema = policy.tree, policy.schema
     names = ("feature", "left", "right", "leaf")
+    asked = set(derived_features(tree, schema))  # of which some tested ones are made
     shown = [
         {
             "name": feature.name,
@@ -43,9 +44,12 @@ def tree_data(
             "low": _finite(feature.low),
             "high": _finite(feature.high),
             "decimals": decimals,
+            "isPart": not asked.isdisjoint(policy.derivation.made_of(number)),
         }
         | _kind(feature)
-        for feature, decimals in zip(schema.features, _decimals(policy, episodes), strict=True)
+        for number, (feature, decimals) in enumerate(
+            zip(schema.features, _decimals(policy, episodes), strict=True)
+        )
     ]
     recorded = () if demonstrations is None else demonstrations.episodes
     n_numbers = sum(watched.episode.observations.size for watched in episodes) * (

@@ -277,14 +277,7 @@ def fit_world_models(
 
 
 def fit_model_tree(X: Floats, y: Floats, *, max_leaves: int, min_leaf: int) -> ModelTree:
-    """Fit one tree with a line at each leaf.
-
-    Args:
-        X: Inputs, shape [N, p].
-        y: Targets, shape [N].
-        max_leaves: Most leaves.
-        min_leaf: Fewest rows of a leaf.
-    """
+    """Fit one tree with a line at each leaf to inputs [N, p] and targets [N]."""
     rows = np.arange(y.size)
     return _grow(_design(X), y, rows, max_leaves=max_leaves, min_leaf=min_leaf)
 

@@ -197,12 +197,7 @@ class Ensemble:
         )
 
     def fitted_on(self, data: Transitions, generator: np.random.Generator) -> "Ensemble":
-        """Return the ensemble after more updates on more transitions.
-
-        Args:
-            data: All transitions, those it was fitted to included.
-            generator: Source of the batches.
-        """
+        """Return the ensemble after more updates on all transitions, those it knows included."""
         settings = self.settings
         recent = min(settings.recent, data.rewards.size)
         batches = settings.more_updates, settings.more_rate, recent

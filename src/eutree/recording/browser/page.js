@@ -243,6 +243,10 @@ addEventListener("blur", leave);
 document.addEventListener("visibilitychange", () => { if (document.hidden) leave(); });
 addEventListener("pagehide", leave);
 
+/* The keys that are held together, of "left+up" or of one alone, "+" too. */
+function keysOf(keys) { return keys.length > 1 ? keys.split("+") : [keys]; }
+function areDown(keys) { return keysOf(keys).every((key) => down.has(key)); }
+
 function pad(action, key, text) {
   const button = document.createElement("button");
   button.type = "button";
@@ -254,7 +258,7 @@ function pad(action, key, text) {
   button.addEventListener("pointerdown", (event) => {
     event.preventDefault();
     button.setPointerCapture(event.pointerId);
-    press(key, button);
+    for (const one of keysOf(key)) press(one, button);
   });
   for (const name of ["pointerup", "pointercancel", "lostpointercapture"]) button.addEventListener(name, let_go);
   button.addEventListener("contextmenu", (event) => event.preventDefault());
@@ -311,6 +315,7 @@ function wordsThatGo(parent, ...children) {
 }
 
 function show() {
+  if (view.state !== "opening") binding = null; // no key is awaited behind the opening
   const before = body.dataset.state;
   Object.assign(body.dataset, {
     state: view.state, role: view.role || "", connection: "open", saved: view.saved, step: view.step,
@@ -415,7 +420,7 @@ function showControls() {
 
 function showPads() {
   const pads = view.actions.filter((a) => a.keys.length)
-    .map((a) => pad(a.name, a.keys[0].split("+")[0], a.name));
+    .map((a) => pad(a.name, a.keys[0], a.name));
   const idle = view.actions.find((a) => a.is_idle);
   if ((view.turn_based || drives()) && idle && keyFor("wait")) pads.push(pad("", keyFor("wait"), idle.name));
   words($("pads"), ...pads);
@@ -424,7 +429,7 @@ function showPads() {
 function lightPads() {
   for (const button of $("pads").children) {
     const action = view.actions.find((a) => a.name === button.dataset.action);
-    const held = down.has(button.dataset.key) || Boolean(action?.keys.some((keys) => down.has(keys)))
+    const held = areDown(button.dataset.key) || Boolean(action?.keys.some(areDown))
       || (view.toggle && runs() && view.actions[view.action] === action && !action?.is_idle);
     button.classList.toggle("on", held);
     button.setAttribute("aria-pressed", held);

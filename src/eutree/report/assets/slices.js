@@ -122,13 +122,16 @@ function under(event) {
   return { leaf, words: `${place}: ${actions[data.leafActions[leaf]]} (leaf ${leaf})` };
 }
 
-if (features.length < 2) byId("slices").hidden = true;
-for (const [id, first] of [["slice-x", 0], ["slice-y", Math.min(1, features.length - 1)]]) {
-  byId(id).append(...features.map(({ name }, index) => element("option", { value: index }, name)));
+/* What a derived feature that is tested is made of is no axis: that would change along it, too. */
+const axes = [...features.keys()].filter((index) => !features[index].isPart);
+if (axes.length < 2) byId("slices").hidden = true;
+const begins = [...axes].sort((one, other) => tree.feature.includes(other) - tree.feature.includes(one));
+for (const [id, first] of [["slice-x", begins[0] ?? 0], ["slice-y", begins[1] ?? begins[0] ?? 0]]) {
+  byId(id).append(...axes.map((index) => element("option", { value: index }, features[index].name)));
   byId(id).value = first;
   byId(id).addEventListener("change", () => {
     const other = id === "slice-x" ? byId("slice-y") : byId("slice-x");
-    if (other.value === byId(id).value) other.value = [...features.keys()].find((index) => String(index) !== other.value);
+    if (other.value === byId(id).value) other.value = axes.find((index) => String(index) !== other.value);
     drawSlice();
   });
 }
