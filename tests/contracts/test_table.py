@@ -29,6 +29,7 @@ def test_the_pages_are_made_of_the_rows() -> None:
         ("eutree", "Acrobot-v1", 8, "in 500 k {:.1f} with 8"),
         ("eutree", "LunarLander-v3", 32, "{:.1f} with 32, "),
         ("derived", "LunarLander-v3", 16, "{:.1f} with at most 16 leaves "),
+        ("derived", "LunarLander-v3", 8, "{:.1f} with 8, nine runs"),
         ("derived", "LunarLander-v3", 32, "{:.1f} with 32, six runs"),
         ("sums", "LunarLander-v3", 32, "(*sums*) {:.1f} with 32"),
         ("sums", "LunarLander-v3", 16, "and {:.1f} with 16 in "),
