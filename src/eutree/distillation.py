@@ -20,7 +20,7 @@ from eutree.c45 import grow
 from eutree.compression.smaller_trees import Costs, Prunings, merged
 from eutree.contests import best
 from eutree.data import Demonstrations, Episode
-from eutree.data.demonstrations import check_shown, lessons, taught_in
+from eutree.data.demonstrations import check_shown, lessons, taught_in, weights_in
 from eutree.data.episode import CUT, allowed_in
 from eutree.errors import InvalidArgumentError, needed
 from eutree.evaluation import Evaluation, Interval, evaluate
@@ -284,7 +284,7 @@ def distill(
     guarded.take_names(shown.schema)
     run = None if spec is None else RunPairs(Recipe.of(spec), strict)
     observations, actions = lessons(shown)
-    worth = np.concatenate([one.weights for one in shown.kept])[taught_in(shown) != CUT]
+    worth = weights_in(shown)[taught_in(shown) != CUT]
     seen, right, steps = [observations], [actions], shown.n_transitions
     trees: list[TreePolicy] = []
     results: list[Evaluation] = []

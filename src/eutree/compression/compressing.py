@@ -192,9 +192,9 @@ def observation_box(schema: Schema, rows: Floats) -> tuple[Floats, Floats]:
 
 def _smallest(policy: TreePolicy, rows: Floats, mode: str) -> tuple[TreePolicy, str]:
     """Return the smallest tree of a mode that keeps its promise, and which way made it."""
-    trees = {"merge": merged(policy)}
     if policy.masked:  # the others do not keep what leaves fall back on
-        return trees["merge"], "merge"
+        return merged(policy), "merge"
+    trees = {"merge": merged(policy)}
     if rows.size and mode in ("auto", "lossless"):
         trees = lossless(policy, rows)
     if rows.size and mode in ("auto", "paper"):

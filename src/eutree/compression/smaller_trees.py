@@ -164,9 +164,7 @@ def merged(policy: TreePolicy) -> TreePolicy:
 
 def _joined(policy: TreePolicy) -> TreePolicy:
     """Return the policy with siblings of one order joined, if all leaves keep theirs then."""
-    orders, one, labels = np.unique(
-        policy.orders, axis=0, return_index=True, return_inverse=True
-    )  # fmt: skip
+    orders, one, labels = np.unique(policy.orders, axis=0, return_index=True, return_inverse=True)
     tree, kept = merge(policy.tree, labels.reshape(-1))
     known = policy.leaves and policy.leaves.of(one[kept])
     found = replace(policy, tree=tree, actions=orders[kept, 0], leaves=known)

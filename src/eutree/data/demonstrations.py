@@ -328,6 +328,11 @@ def check_shown(demonstrations: Demonstrations) -> None:
         )
 
 
+def weights_in(demonstrations: Demonstrations) -> Floats:
+    """Return how much each transition of the kept episodes counts where it is imitated, [N]."""
+    return np.concatenate([np.empty(0), *(one.weights for one in demonstrations.kept)])
+
+
 def lessons(demonstrations: Demonstrations) -> tuple[Floats, Integers]:
     """Return the steps to imitate: observations [n, d] and actions [n], without those cut."""
     taught = taught_in(demonstrations)

@@ -23,7 +23,7 @@ from eutree.arrays import Booleans, Floats, Integers
 from eutree.c45 import C45Settings, best_reductions, grow
 from eutree.contests import SmallestWithin
 from eutree.data import Demonstrations, derive
-from eutree.data.demonstrations import taught_in
+from eutree.data.demonstrations import taught_in, weights_in
 from eutree.data.episode import CUT
 from eutree.fitting.playing import Player, Progress, contest
 from eutree.fitting.report import CLEARLY_SHORTER, Proposal
@@ -181,7 +181,7 @@ def _rows(demonstrations: Demonstrations) -> _Rows | None:
     return _Rows(
         columns=seen[used],
         labels=taught[used],
-        weights=np.concatenate([one.weights for one in demonstrations])[used],
+        weights=weights_in(demonstrations)[used],
         last=seen[before],
         part=parts if parts[-1] >= FOLDS - 1 else np.arange(used.size) * FOLDS // used.size,
         n_classes=demonstrations.schema.n_actions,

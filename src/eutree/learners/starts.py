@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from eutree.arrays import Floats
 from eutree.c45 import C45Settings, grow
 from eutree.data import Demonstrations, Episode
-from eutree.data.demonstrations import check_shown, lessons, taught_in
+from eutree.data.demonstrations import check_shown, lessons, taught_in, weights_in
 from eutree.data.episode import CUT, allowed_in
 from eutree.display import counted
 from eutree.errors import InvalidArgumentError
@@ -55,7 +55,7 @@ def fit_expert_tree(
     if not len(actions_taught):
         raise InvalidArgumentError("demonstrations must not be cut altogether: nothing is left")
     if weights is None:
-        weights = np.concatenate([episode.weights for episode in demonstrations])
+        weights = weights_in(demonstrations)
     weights = check_vector("weights", weights, size=demonstrations.n_transitions)
     grown = grow(
         observations,

@@ -115,8 +115,14 @@ def _of_return(found: Certificate, asked: EpisodeProperty, plant: Plant) -> Cert
     words = f"over all starts of {plant.environment} {_said(verdict, f'it {asked.text}')}: "
     words += f"its mean return is in [{low:.6g}, {high:.6g}]"
     undecided = float(verdict == UNDECIDED)
-    found = replace(found, sentence=words, verdict=verdict, undecided=undecided)
-    return replace(found, counterexample=None, starts=None)
+    return replace(
+        found,
+        sentence=words,
+        verdict=verdict,
+        undecided=undecided,
+        counterexample=None,
+        starts=None,
+    )
 
 
 def _said(verdict: str, statement: str) -> str:

@@ -30,9 +30,10 @@ class Driving:
         self._env, self._play, self._recording = env, play, recording
         self._programme: Programme | None = None
         self._is_new = self._is_paused = self._by_hand = False
-        self._number = self._n_by_hand = self._ticks_to_refit = 0
+        self._number = self._n_by_hand = 0
         self._course: Course | None = None
         self._over_at: float | None = None
+        self._dropped_at: float | None = None  # until the tree is fitted without that episode
         self._ending = ""
         self._success: bool | None = None
         self._before = (OPENING, Trial(None), play.pictures.pixels)
@@ -75,7 +76,7 @@ class Driving:
         elif name == "finish":
             self._stop()
         elif name in ("end", "discard") or (name == "start" and self._over_at is not None):
-            self._drop("discarded" if name == "discard" else "")
+            self._drop(now, "discarded" if name == "discard" else "")
             self._go_on(now, self._number + 1)
         elif name == "redo" and self._play.state == WATCHING:
             self._go_on(now, self._number)
@@ -91,8 +92,9 @@ class Driving:
     def advance(self, now: float) -> None:
         """Take the next step if it is due, or go on to the next episode."""
         play = self._play
-        self._ticks_to_refit -= 1
-        if not self._ticks_to_refit and self._programme is not None:
+        # What becomes of an episode is stored behind the tick in which that is decided.
+        if self._dropped_at is not None and now > self._dropped_at and self._programme is not None:
+            self._dropped_at = None
             self._refit()
             self._course = Course(self._programme.policy)
         if self._is_new and play.state in (OPENING, REVIEW, WATCHING):
@@ -200,7 +202,7 @@ class Driving:
         if self._play.state == DRIVING and self._programme is not None and self._programme.refit:
             self._programme = replace(self._programme, policy=self._programme.refit())
 
-    def _drop(self, comment: str) -> None:
+    def _drop(self, now: float, comment: str) -> None:
         """End the driven episode that is under way, or discard the one that is over."""
         if self._play.state != DRIVING:
             return
@@ -210,7 +212,7 @@ class Driving:
             self._recording.mark(self._recording.last, kept=False, comment=comment)
         else:
             return
-        self._ticks_to_refit = 2  # what becomes of the episode is stored behind this one
+        self._dropped_at = now
 
     def _pause(self, now: float, *, on: bool) -> None:
         self._is_paused = on

@@ -36,7 +36,7 @@ def tree_data(
     """
     tree, schema = policy.tree, policy.schema
     names = ("feature", "left", "right", "leaf")
-    asked = set(derived_features(tree, schema))  # of which some tested ones are made
+    asked = set(derived_features(tree, schema))  # that are tested
     shown = [
         {
             "name": feature.name,

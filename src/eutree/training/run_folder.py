@@ -194,12 +194,14 @@ class RunFolder:
                 f"{self.path}: the run has raced after {run.episode} episodes and cannot gather "
                 "more; start another one from its policy"
             )
-        for name, lived in (("episodes", run.at.episode), ("steps", run.at.steps)):
-            if self._longer and lived > (getattr(self._config, name) or lived):
-                raise RunFolderError(
-                    f"{self.path}: the run has had {lived} {name}; ask for more, or leave that out"
-                )
         if self._longer:
+            for name, lived in (("episodes", run.at.episode), ("steps", run.at.steps)):
+                most = getattr(self._config, name)
+                if most is not None and lived > most:
+                    raise RunFolderError(
+                        f"{self.path}: the run has had {lived} {name}; ask for more, or leave "
+                        "that out"
+                    )
             write_document(self.path / "config.json", self._config)
         return True
 

@@ -171,7 +171,7 @@ async function draw() {
 
 function acts() { return body.dataset.role === "acting"; }
 function runs() { return ["playing", "countdown", "driving"].includes(view.state); }
-function actionKeys() { return (view.actions || []).flatMap((a) => a.keys.flatMap((k) => k.split("+"))); }
+function actionKeys() { return (view.actions || []).flatMap((a) => a.keys.flatMap((k) => keysOf(k))); }
 function watches() { return view.state === "watching"; }
 function drives() { return view.state === "driving"; } // a tree that may be corrected
 function goesOn() { return ["opening", "paused", "review", "watching"].includes(view.state); }
@@ -283,7 +283,7 @@ function cap(key) {
 function kbd(key) {
   const element = document.createElement("kbd");
   element.setAttribute("aria-hidden", "true");
-  element.textContent = key.split("+").map((k) => GLYPHS[k] || k.toUpperCase()).join(" + ") || "+";
+  element.textContent = keysOf(key).map((k) => GLYPHS[k] || k.toUpperCase()).join(" + ");
   return element;
 }
 
@@ -613,7 +613,7 @@ $("picture").addEventListener("pointerdown", () => $("picture").focus());
 // ---- what to do now, below the picture
 
 function keyNames(action) {
-  return action.keys.map((key) => key.split("+").map((k) => GLYPHS[k] || k.toUpperCase()).join(" + ")).join(" or ");
+  return action.keys.map((key) => keysOf(key).map((k) => GLYPHS[k] || k.toUpperCase()).join(" + ")).join(" or ");
 }
 
 /* Whether there are only fingers: then the buttons below are what to hold. */
