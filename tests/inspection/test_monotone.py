@@ -1,6 +1,7 @@
 """Trees that keep monotone rules: always, at the least cost, and no more than that."""
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -166,6 +167,19 @@ def test_what_was_shown_decides_which_leaf_gives_way():
     known = LeafStatistics(np.array([[0, 30], [3, 0]]), *np.full((2, 2, 2), np.nan))
     seen = TreePolicy(tree, np.array([1, 0]), schema, leaves=known)
     assert keep_monotone(seen, rules).actions.tolist() == [1]
+
+
+def test_under_masks_no_leaf_forgets_what_it_falls_back_on():
+    policy = random_policy(3, 12)
+    values = np.random.default_rng(0).random((12, 3))
+    known = LeafStatistics(np.full((12, 3), 9), values, values)
+    masked = replace(policy, leaves=known, masked=True)
+    kept = keep_monotone(masked, monotone_rules(["stop in f0"], policy.schema))
+    assert kept != masked
+    assert verify(kept, "monotone stop in f0").holds
+    others = [[k for k in np.argsort(-row) if k != a]
+              for row, a in zip(values, kept.actions, strict=True)]  # fmt: skip
+    assert kept.orders[:, 1:].tolist() == others
 
 
 def test_a_locked_leaf_stays():

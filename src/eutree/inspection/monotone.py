@@ -114,7 +114,7 @@ def keep_monotone(
     leaves = np.arange(policy.n_leaves)
     one_for_all = np.full(policy.n_leaves, worth.sum(axis=0).argmax())  # keeps any rule
     actions = max(found or [one_for_all], key=lambda labels: float(worth[leaves, labels].sum()))
-    if policy.locked:
+    if policy.locked or policy.masked:  # what leaves fall back on differs, too
         return replace(policy, actions=actions)
     tree, labels = merge(policy.tree, actions)
     return replace(policy, tree=tree, actions=labels, leaves=None)

@@ -337,7 +337,7 @@ class Proposals:
         obviously closer to its returns from the same starts.
         """
         lead = Lead.of(np.array([episode.undiscounted_return for episode in own]))
-        low, high = self.range_seen(episodes)
+        low, high = self.range_seen([episode.undiscounted_return for episode in episodes])
         reach = SURE * lead.error + NEAR * self._scale + (high - low) / len(own)
         found: tuple[WorldModel, list[float]] | None = None
         missed: Floats | None = None  # by the model that is closest so far
@@ -357,9 +357,8 @@ class Proposals:
         """Return the return that each tree has to earn for its leaves."""
         return tuple(self.leaf_price * tree.n_leaves for tree in trees)
 
-    def range_seen(self, episodes: Sequence[Episode]) -> tuple[float, float]:
-        """Return the lowest and highest return of all that was stored, and of some episodes."""
-        raced = np.array([episode.undiscounted_return for episode in episodes])
+    def range_seen(self, raced: Sequence[float]) -> tuple[float, float]:
+        """Return the lowest and highest return of all that was stored, and of those raced."""
         seen = np.concatenate([self._data.episode_returns, raced])
         return float(seen.min()), float(seen.max())
 

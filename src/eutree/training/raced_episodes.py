@@ -3,6 +3,7 @@
 Nothing here has an environment: a tree and its start are yielded, and the episode is sent back.
 """
 
+from array import array
 from collections import deque
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass
@@ -43,12 +44,14 @@ class RacedEpisodes:
 
     Attributes:
         all: The episodes, in the order in which they were run.
+        returns: Their returns.
         steps: Their steps.
         longest: Steps for which there must be room before an episode begins.
     """
 
     def __init__(self, longest: int, *, grows: bool) -> None:
         self.all: list[Episode] = []
+        self.returns = array("d")
         self.steps = 0
         self.longest = longest
         self._grows = grows
@@ -84,6 +87,7 @@ class RacedEpisodes:
             own: Their numbers.
         """
         self.all = list(episodes[:n_known])
+        self.returns = array("d", [episode.undiscounted_return for episode in self.all])
         self.steps = sum(map(len, self.all))
         if self._grows:
             self.longest = max([self.longest, *map(len, self.all)])
@@ -137,4 +141,5 @@ class RacedEpisodes:
         if self._grows:
             self.longest = max(self.longest, len(episode))
         self.all.append(episode)
+        self.returns.append(episode.undiscounted_return)
         return len(self.all) - 1

@@ -353,7 +353,7 @@ class PolicySearch:
         None if it is so far, and the budget is too small to be sure.
         """
         trees = (state.incumbent, challenger)
-        known = self._proposals.range_seen(self.raced.all)
+        known = self._proposals.range_seen(self.raced.returns)
         rule = Ahead(errors=errors, final=errors, prices=self._proposals.prices(trees), known=known)
         if state.stage == "prove" and self._spared <= state.limit - self.raced.steps:
             rule = replace(rule, looks=LONG, patient=True, rare_losses=False)

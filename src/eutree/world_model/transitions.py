@@ -109,7 +109,7 @@ class Transitions:
         kind = np.where(self.rewards < self.failure_level, 1.0, -1.0)
         return np.where(self.terminated, kind, 0.0)
 
-    @property
+    @cached_property
     def episode_returns(self) -> Floats:
         """Return of each episode, shape [E]."""
         return self.returns_to_go[self.first]
