@@ -9,8 +9,6 @@ import gymnasium
 
 # Those of other distributions, of ``eutree_lab`` too, are registered by a function that its
 # metadata names in the group ``eutree.environments``.
-
-
 GROUP = "eutree.environments"
 # The constants under which most claims of the paper hold: docs/results/search.md. A name of its
 # own, as Gymnasium would call Evasion2-v0 out of date if there were an Evasion2-v1.

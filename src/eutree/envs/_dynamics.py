@@ -92,10 +92,9 @@ class EvasionParameters:
     @classmethod
     def from_arguments(cls, arguments: Mapping[str, Any]) -> "EvasionParameters":
         """Return the parameters with the given arguments; an unknown name is an error."""
-        known = [parameter.name for parameter in fields(cls) if parameter.init]
         for name in arguments:
-            if name not in known:
-                raise UnknownNameError("argument of the Evasion environment", name, known)
+            if name not in DEFAULTS:
+                raise UnknownNameError("argument of the Evasion environment", name, DEFAULTS)
         return cls(**arguments)
 
     @property
@@ -202,9 +201,7 @@ def advance(
 def reflect(target: Floats, half_path: float) -> tuple[Floats, Floats]:
     """Fold positions beyond the ends of a path back onto it, however far beyond they are.
 
-    Returns:
-        The positions within [-half_path, half_path], and +1 or -1 by which to multiply the
-        direction (-1 after an odd number of reflections).
+    Return them, and +1 or -1 by which to multiply the direction: -1 after an odd number of turns.
     """
     path = 2.0 * half_path
     passes = np.floor((target + half_path) / path)  # ends passed; 0 on the path itself
@@ -214,11 +211,7 @@ def reflect(target: Floats, half_path: float) -> tuple[Floats, Floats]:
 
 
 def turn(target: Floats, half_path: float) -> tuple[Floats, Floats]:
-    """Hold positions beyond the ends of a path at the end.
-
-    Returns:
-        The positions within [-half_path, half_path], and -1 where the direction turns, else 1.
-    """
+    """Hold positions beyond the ends of a path at its end; return also -1 where they turn, or 1."""
     is_beyond = (target < -half_path) | (target >= half_path)
     turns = np.where(is_beyond, -1.0, 1.0)
     return np.minimum(np.maximum(target, -half_path), half_path), turns

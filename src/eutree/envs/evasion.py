@@ -11,16 +11,7 @@ from numpy.typing import NDArray
 
 from eutree.arrays import Floats
 from eutree.envs import _dynamics as dynamics
-from eutree.envs._dynamics import (
-    COLLISION,
-    ENDINGS,
-    GO,
-    GOAL,
-    RUNNING,
-    STOP,
-    TIME_LIMIT,
-    EvasionState,
-)
+from eutree.envs._dynamics import GO, RUNNING, EvasionState
 from eutree.envs._dynamics import EvasionParameters as EvasionParameters  # for proofs about it
 from eutree.envs.painting import Window, import_pygame, picture
 from eutree.validation import check_choice
@@ -147,7 +138,7 @@ class EvasionEnv(gymnasium.Env[Any, Any]):
         self.task_description = describe_task(self.parameters)
         self._state: EvasionState | None = None
         self._before: EvasionState | None = None  # None at the start of an episode
-        self._action = STOP
+        self._action = dynamics.STOP
         self._window: Window | None = None
         self._noise: Floats = np.empty((0, 0))  # [T, N + 1]
         self._step = 0
@@ -195,16 +186,16 @@ class EvasionEnv(gymnasium.Env[Any, Any]):
         self._state = dynamics.advance(self.parameters, state, action, self._noise[self._step])
         self._step += 1
         ended = self._ending = dynamics.ending(self.parameters, self._state, self._step)
-        info: dict[str, Any] = {"is_success": ended == GOAL}
+        info: dict[str, Any] = {"is_success": ended == dynamics.GOAL}
         if ended != RUNNING:
-            info["ending"] = ENDINGS[ended]
+            info["ending"] = dynamics.ENDINGS[ended]
         if self.render_mode == "human":
             self._animate()
         return (
             dynamics.observe(self.parameters, self._state),
             dynamics.reward(self.parameters, action, ended),
-            ended in (GOAL, COLLISION),
-            ended == TIME_LIMIT,
+            ended in (dynamics.GOAL, dynamics.COLLISION),
+            ended == dynamics.TIME_LIMIT,
             info,
         )
 

@@ -85,7 +85,6 @@ class EvasionVectorEnv(VectorEnv[Floats, Integers, Any]):
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self.feature_names, self.feature_units = features(self.parameters)
         self.action_names = ("stop", "go")
-        self._is_ready = False
         self._allocate()
 
     def _allocate(self) -> None:
@@ -120,13 +119,13 @@ class EvasionVectorEnv(VectorEnv[Floats, Integers, Any]):
         self._seed(seed)
         every = np.ones(self.num_envs, dtype=np.bool_)
         self._draw(every)
-        self._is_ready = True
         observations, *_ = self._advance(np.zeros(self.num_envs, dtype=np.int64), every)
         return observations, {}
 
     def step(self, actions: Integers) -> tuple[Floats, Floats, Booleans, Booleans, dict[str, Any]]:
         """Take one step in every copy; return observations [E, d], rewards, flags [E] and info."""
-        self._check_reset()
+        if self._draws[0] is None:
+            raise ResetNeeded("call reset for every copy before anything else")
         actions = dynamics.as_actions(actions, self.num_envs)
         began = self._waiting
         if self._goes_on:
@@ -175,7 +174,3 @@ class EvasionVectorEnv(VectorEnv[Floats, Integers, Any]):
         kernels.advance_all(actions, begins, steps, self._copies, observations, rewards, endings)
         self._waiting = endings != RUNNING
         return observations, rewards, endings
-
-    def _check_reset(self) -> None:
-        if not self._is_ready:
-            raise ResetNeeded("call reset for every copy before anything else")

@@ -18,14 +18,9 @@ if TYPE_CHECKING:
     from eutree.world_model.transitions import Transitions, countable
 
 __all__ = [
-    "ActionTree",
-    "PairedRollouts",
-    "Transitions",
-    "WorldModel",
-    "countable",
-    "fit_counted_world",
+    "ActionTree", "PairedRollouts", "Transitions", "WorldModel", "countable", "fit_counted_world",
     "fit_world_models",
-]
+]  # fmt: skip
 
 __getattr__ = lazily(
     __name__,

@@ -157,9 +157,6 @@ def chance(lines: Floats, noise: Integers, row: int, states: Floats, k: int, dra
     return 1.0 / (1.0 + math.exp(min(-odds, 40.0)))  # no overflow
 
 
-# Apart from ``_kernels.py`` because they run nothing: they look at trees and at recorded steps.
-
-
 @compiled_later
 def overlay(policy: ActionTree, challenger: ActionTree, n_features: int, out: Integers) -> None:
     """Write, for each leaf node of the policy, the challenger's lowest node that holds its box."""

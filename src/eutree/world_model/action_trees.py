@@ -129,13 +129,10 @@ def from_decision_tree(tree: DecisionTree, actions: Integers) -> ActionTree:
 def to_decision_tree(tree: ActionTree, n_features: int) -> tuple[DecisionTree, Integers]:
     """Return the state tree, leaves numbered in preorder, and the actions of its leaves [L]."""
     is_leaf = tree.feature < 0
-    leaf = np.where(is_leaf, np.cumsum(is_leaf) - 1, DecisionTree.NO_LEAF)
-    state_tree = DecisionTree(
-        n_features,
-        feature=np.where(is_leaf, DecisionTree.NO_FEATURE, tree.feature).astype(np.int32),
-        threshold=np.where(is_leaf, np.nan, tree.threshold),
-        left=np.where(is_leaf, DecisionTree.NO_NODE, tree.left).astype(np.int32),
-        right=np.where(is_leaf, DecisionTree.NO_NODE, tree.right).astype(np.int32),
-        leaf=leaf.astype(np.int32),
+    feature = np.where(is_leaf, DecisionTree.NO_FEATURE, tree.feature)
+    threshold = np.where(is_leaf, np.nan, tree.threshold)
+    left, right = (
+        np.where(is_leaf, DecisionTree.NO_NODE, side) for side in (tree.left, tree.right)
     )
-    return state_tree, tree.action[is_leaf]
+    leaf = np.where(is_leaf, np.cumsum(is_leaf) - 1, DecisionTree.NO_LEAF)
+    return DecisionTree(n_features, feature, threshold, left, right, leaf), tree.action[is_leaf]

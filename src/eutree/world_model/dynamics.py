@@ -206,24 +206,16 @@ EXACT = 1e-6  # the same of rewards
 
 @dataclass(frozen=True, eq=False)
 class WorldModel:
-    """A fitted model: its trees, and the observations episodes start from.
+    """A fitted model: its trees, and the observations episodes start from."""
 
-    Attributes:
-        trees: Those of each feature's displacement, of the reward of a step that goes on, of one
-            that ends badly, of one that ends well, and of the log-odds of a bad and a good end.
-        world: The same, laid out to be run.
-        starts: First observations of the stored episodes.
-        horizon: Steps after which a rollout is cut.
-        n_actions: Number of actions.
-        n_hidden: Numbers behind each observation that no policy sees.
-    """
-
+    # Those of each feature's displacement, of the reward of a step that goes on, of one that ends
+    # badly, of one that ends well, and of the log-odds of a bad and a good end
     trees: tuple[ModelTree, ...]  # [d + 5]
-    world: World
-    starts: Floats  # [E, d]
-    horizon: int
+    world: World  # the same, laid out to be run
+    starts: Floats  # [E, d]; first observations of the stored episodes
+    horizon: int  # steps after which a rollout is cut
     n_actions: int
-    n_hidden: int = 0
+    n_hidden: int = 0  # numbers behind each observation that no policy sees
 
     @property
     def n_features(self) -> int:
@@ -339,18 +331,10 @@ def _grow(
     y = np.ascontiguousarray(y)
     rows = rows.copy()
     m, p = 2 * max_leaves - 1, design.X.shape[1]
-    out = ModelTree(
-        feature=np.zeros(m, dtype=np.int64),
-        threshold=np.zeros(m),
-        left=np.zeros(m, dtype=np.int64),
-        right=np.zeros(m, dtype=np.int64),
-        coefficients=np.zeros((m, p + 1)),
-        low=np.zeros(m),
-        high=np.zeros(m),
-        first=np.zeros(m, dtype=np.int64),
-        n_rows=np.zeros(m, dtype=np.int64),
-        residuals=np.zeros(0),
-    )
+    feature, left, right, first, n_rows = np.zeros((5, m), dtype=np.int64)
+    threshold, low, high = np.zeros((3, m))
+    nodes = feature, threshold, left, right, np.zeros((m, p + 1))
+    out = ModelTree(*nodes, low, high, first, n_rows, residuals=np.zeros(0))
     n_nodes = kernels.grow(design, y, rows, min_leaf, floor, out)
     tree = ModelTree._make(array[:n_nodes] for array in out)
     residuals, covered = np.zeros(rows.size), np.zeros(rows.size, dtype=np.bool_)

@@ -69,7 +69,8 @@ class EnsembleSettings:
 
 def scales_of(data: Transitions) -> Scales:
     """Return the scales of some transitions."""
-    scaling, size = Scaling.of(_inputs(data)), np.abs(data.displacements)
+    places = _inputs(data, data.observations, data.previous_displacements)
+    scaling, size = Scaling.of(places), np.abs(data.displacements)
     seen = np.concatenate([data.observations, data.next_observations])
     moves = np.percentile(data.displacements, [TAIL, 100.0 - TAIL], axis=0)
     binary = np.array([np.unique(column).size == 2 for column in seen.T])
@@ -115,7 +116,9 @@ def steps_of(data: Transitions, scales: Scales) -> Steps:
     kind, ended = kinds(data), data.terminated
     kind = np.concatenate([kind, kind[ended]])
     chosen = np.eye(data.n_actions)[np.concatenate([data.actions, data.actions[ended]])]
-    seen = np.concatenate([_inputs(data), _arrivals(data)[ended]])
+    before = _inputs(data, data.observations, data.previous_displacements)
+    after = _inputs(data, data.next_observations, data.displacements)
+    seen = np.concatenate([before, after[ended]])
     inputs = np.concatenate([(seen - scales.centre) / scales.spread, chosen], axis=1)
     units = np.where(scales.move > 0.0, scales.move, 1.0)
     upper = data.next_observations > 0.5 * (scales.low + scales.high)
@@ -314,18 +317,9 @@ def _filled_up(network: Network) -> Network:
     )  # fmt: skip
 
 
-def _inputs(data: Transitions) -> Floats:
-    """Return o and, with memory, the displacement before it, shape [N, p - A]."""
-    if not data.memory:
-        return data.observations
-    return np.concatenate([data.observations, data.previous_displacements], axis=1)
-
-
-def _arrivals(data: Transitions) -> Floats:
-    """Return o' and, with memory, the displacement that led to it, shape [N, p - A]."""
-    if not data.memory:
-        return data.next_observations
-    return np.concatenate([data.next_observations, data.displacements], axis=1)
+def _inputs(data: Transitions, places: Floats, moves: Floats) -> Floats:
+    """Return o or o' and, with memory, the displacement that led to it, shape [N, p - A]."""
+    return np.concatenate([places, moves], axis=1) if data.memory else places
 
 
 def _rewards(rewards: Floats) -> list[float]:

@@ -26,33 +26,19 @@ def countable(schema: Schema) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Transitions:
-    """Whole episodes, row after row.
+    """Whole episodes, row after row."""
 
-    Attributes:
-        observations: o of each transition.
-        actions: a.
-        rewards: r.
-        next_observations: o'.
-        terminated: Whether the task ended with the transition.
-        episodes: Number of the transition's episode, ascending.
-        n_actions: Number of actions A.
-        memory: Whether the displacement before each transition is to be known.
-        derivation: How the derived features among those of an observation are computed.
-        allowed: Which actions were allowed; None where that is not known.
-        counted: Whether observations are one of a few codes, to be counted.
-    """
-
-    observations: Floats  # [N, d]
-    actions: Integers  # [N]
-    rewards: Floats  # [N]
-    next_observations: Floats  # [N, d]
-    terminated: Booleans  # [N]
-    episodes: Integers  # [N]
-    n_actions: int
-    memory: bool = True
-    derivation: Derivation = NOTHING_DERIVED
-    allowed: Booleans | None = None  # [N, A]
-    counted: bool = False
+    observations: Floats  # [N, d]; o of each transition
+    actions: Integers  # [N]; a
+    rewards: Floats  # [N]; r
+    next_observations: Floats  # [N, d]; o'
+    terminated: Booleans  # [N]; whether the task ended with the transition
+    episodes: Integers  # [N]; number of the transition's episode, ascending
+    n_actions: int  # A
+    memory: bool = True  # whether the displacement before each transition is to be known
+    derivation: Derivation = NOTHING_DERIVED  # how derived features of observations are computed
+    allowed: Booleans | None = None  # [N, A]; which actions were; None where that is not known
+    counted: bool = False  # whether observations are one of a few codes, to be counted
 
     @classmethod
     def of(cls, episodes: Sequence[Episode], n_actions: int) -> "Transitions":
@@ -131,11 +117,8 @@ class Transitions:
 
     def horizon(self) -> int:
         """Return the longest truncated episode's length, or twice the longest's if none was cut."""
-        end = np.flatnonzero(self.last)
-        lengths = self.episode_lengths
-        cut = ~self.terminated[end]
-        longest = lengths[cut].max() if cut.any() else 2 * lengths.max()
-        return int(longest)
+        lengths, cut = self.episode_lengths, ~self.terminated[self.last]
+        return int(lengths[cut].max() if cut.any() else 2 * lengths.max())
 
     def longest(self) -> int:
         """Return the longest episode's length."""
