@@ -206,9 +206,7 @@ def taken(path: str | Path, state: State, declared: Declared) -> Arrays:
     """
     sizes = {"d": declared.n_features, "A": declared.n_actions, **declared.sizes}
     found = Found(Path(path), state, sizes)
-    here = [
-        part for part in declared.parts if not part.optional or part.arrays.keys() & state.keys()
-    ]
+    here = [one for one in declared.parts if not one.optional or one.arrays.keys() & state.keys()]
     expected = {name for part in here for name in part.arrays}
     for name in sorted(state.keys() ^ expected):
         raise found.refuse(name, "missing" if name in expected else "unexpected array")
@@ -279,9 +277,8 @@ def _array(value: Any, stored: Stored) -> NDArray[Any]:
 def _value(array: NDArray[Any], like: Any) -> Any:
     if isinstance(like, np.ndarray):
         return np.array(array)
-    return type(like)(
-        array.tolist() if isinstance(like, frozenset | list | tuple) else array.item()
-    )
+    several = isinstance(like, frozenset | list | tuple)
+    return type(like)(array.tolist() if several else array.item())
 
 
 # Parts that several methods have. -----------------------------------------------------------------

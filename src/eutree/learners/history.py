@@ -210,9 +210,7 @@ class History:
         self.n_episodes = 0
         self.forgetting = forgetting
         views = {name: view for name, view in vars(History).items() if isinstance(view, _View)}
-        kinds = {
-            name: ((n_features,) * view.of_features, view.dtype) for name, view in views.items()
-        }
+        kinds = {k: ((n_features,) * one.of_features, one.dtype) for k, one in views.items()}
         self.columns = Columns(kinds if forgetting is None else kinds | {"ranks": ((), "u4")})
         self.leaving = LeafRows(self.columns, "left", n_leaves)
         self.entering = LeafRows(self.columns, "entered", n_leaves)
@@ -267,12 +265,15 @@ class History:
         if forgetting is not None:
             history.columns["ranks"][:] = state["ranks"]
             forgetting.bounds = np.array(state["bounds"])
-        history.entered[:] = np.where(state["terminal"], TERMINAL, 0)
+        led_to = tree.leaf_index(history.next_observations)
+        history.left[:] = tree.leaf_index(history.observations)
+        history.entered[:] = np.where(state["terminal"], TERMINAL, led_to)
         history.demonstrated[:] = state.get("demonstrated", False)
         if "allowed" in state:
             history.columns.begin("allowed", np.ones(state["allowed"].shape[1], np.bool_))
             history.columns["allowed"][:] = state["allowed"]
-        history._label(tree)
+        for rows in (history.leaving, history.entering):
+            rows.relist(tree.n_leaves)
         return history
 
     def append_episode(
@@ -376,23 +377,12 @@ class History:
                 self.left[leaving], self.actions[leaving], ranks[leaving]
             )
             rule.reset(leaf, new_leaf)
-        old_left, old_entered = self.left[rows], self.entered[rows]
+        before = self.left[rows], self.entered[rows]
         goes_right = ~(self.observations[leaving, feature] <= threshold)
         self.leaving.split(leaf, new_leaf, leaving, goes_right)
         goes_right = ~(self.next_observations[entering, feature] <= threshold)
         self.entering.split(leaf, new_leaf, entering, goes_right)
-        return Relabelling(
-            rows, leaving, old_left, old_entered, self.left[rows], self.entered[rows]
-        )
-
-    def _label(self, tree: DecisionTree) -> None:
-        """Write the leaves of all rows, and the lists of rows."""
-        terminal = self.entered == TERMINAL
-        self.left[:] = tree.leaf_index(self.observations)
-        self.entered[:] = tree.leaf_index(self.next_observations)
-        self.entered[terminal] = TERMINAL
-        self.leaving.relist(tree.n_leaves)
-        self.entering.relist(tree.n_leaves)
+        return Relabelling(rows, leaving, *before, self.left[rows], self.entered[rows])
 
 
 def _stored_rows(columns: Columns) -> _kernels.StoredRows:

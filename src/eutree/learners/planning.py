@@ -20,31 +20,17 @@ from eutree.features import Derivation
 from eutree.learners.declared import (
     MOST,
     TREE_AND_HISTORY,
+    Arrays,
     Part,
     Stored,
     action_tree_part,
     arrays_of,
     bounds_part,
 )
-from eutree.learners.episode_buffer import (
-    EpisodeBuffer,
-    random_action,
-    store,
-    store_demonstrations,
-    transitions_of,
-)
+from eutree.learners.episode_buffer import EpisodeBuffer, random_action, store, transitions_of
 from eutree.learners.forgetting import RecentEpisodes
 from eutree.learners.history import History
-from eutree.learners.learner import (
-    Arrays,
-    Decisions,
-    MethodOfParts,
-    Needs,
-    Problem,
-    Start,
-    Step,
-    Update,
-)
+from eutree.learners.learner import Decisions, MethodOfParts, Needs, Problem, Start, Step, Update
 from eutree.policies import LeafStatistics, TreePolicy
 from eutree.policies.leaf_statistics import returns_by_action
 from eutree.policy_search.planner import Planned, Planner
@@ -167,19 +153,17 @@ class ModelPlanning:
 
     def add_demonstrations(self, episodes: Iterable[Episode]) -> None:
         """Store the expert's episodes; they count as the incumbent's."""
+        history = self.history
         for episode in episodes:
-            store_demonstrations(self.history, [episode])
-            self.history.forget()
-        n_episodes = self.history.n_episodes
+            store(history, episode, demonstrated=True)
+            history.forget()
+        n_episodes = history.n_episodes
         self.plan = replace(
             self.plan, incumbent_episodes=tuple(range(n_episodes)), demonstrations=n_episodes
         )
-        if self.method.unpruned_start and self.history.size:
+        if self.method.unpruned_start and history.size:
             shown = grow(
-                self.history.observations,
-                self.history.actions,
-                n_classes=self.n_actions,
-                settings=_UNPRUNED,
+                history.observations, history.actions, n_classes=self.n_actions, settings=_UNPRUNED
             )
             corrected = from_decision_tree(*shown.to_decision_tree())
             self.plan = replace(self.plan, corrected=corrected)

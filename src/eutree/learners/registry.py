@@ -116,7 +116,9 @@ def method(name: str) -> Method:
     """
     if name in PRESETS:
         return PRESETS[name]
-    return _kind(name)()
+    if ":" not in name:
+        return _installed(name)()
+    return checked(check_offered("method", [EntryPoint(name, name, GROUP)]))()
 
 
 def checked(kind: Any) -> type[Method]:
@@ -235,13 +237,6 @@ def checked_method(chosen: Any) -> Method:
         )
     checked(type(chosen))
     return cast(Method, chosen)
-
-
-def _kind(name: str) -> type[Method]:
-    """Return the class of a method by its name or by ``module:Class``."""
-    if ":" not in name:
-        return _installed(name)
-    return checked(check_offered("method", [EntryPoint(name, name, GROUP)]))
 
 
 def _installed(name: str) -> type[Method]:

@@ -17,13 +17,7 @@ from eutree.contests.rules import lead_apart
 from eutree.policy_search.climbing import luckiest, restarts
 from eutree.policy_search.improvement import Improvement
 from eutree.validation import check_amounts, check_number
-from eutree.world_model import (
-    ActionTree,
-    PairedRollouts,
-    Transitions,
-    WorldModel,
-    fit_world_models,
-)
+from eutree.world_model import ActionTree, PairedRollouts, Transitions, WorldModel, fit_world_models
 from eutree.world_model.action_trees import n_leaves
 
 FEWEST_ROLLOUTS = 100  # episodes
@@ -152,9 +146,8 @@ class Planner:
         check_amounts(self, trial_steps=1, memory=2, max_transitions=1, incumbent_first=0)
         check_number("explorer_share", self.explorer_share, low=0.0, high=1.0)
         for name in ("pessimism", "optimism"):
-            check_number(
-                name, getattr(self, name), low=0.0, high=1.0, low_open=True, high_open=True
-            )
+            share = getattr(self, name)
+            check_number(name, share, low=0.0, high=1.0, low_open=True, high_open=True)
         check_number("growth", self.growth, low=1.0)
         check_number("discount", self.discount, low=0.0, high=1.0)
 

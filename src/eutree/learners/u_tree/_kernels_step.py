@@ -43,11 +43,10 @@ def step(
     terminated: bool,
     backups: int,
 ) -> tuple[int, int]:
-    """Take into the MDP a step that left ``leaf`` and led to an observation.
+    """Take into the MDP a step that left ``leaf`` and led to an observation; return its leaf.
 
-    Returns:
-        The leaf of the observation, and its greedy action after the backups, ``UNKNOWN``, or
-        ``REFUSED`` with the MDP unchanged.
+    Return also its greedy action after the backups, ``UNKNOWN``, or ``REFUSED`` with the MDP as it
+    was.
     """
     # The leaf is looked up before anything changes, and its action after: backups change Q.
     led_to = descend(nodes, observation, 0)
