@@ -314,20 +314,13 @@ def report_on(
     **more: Any,
 ) -> CompressionReport:
     """Return the changes from a policy to a smaller one; ``more`` are fields of the report."""
-    rows = costs.rows
-    schema = policy.schema
+    rows, schema = costs.rows, policy.schema
+    both = policy.tree, policy.actions, result.tree, result.actions
     return CompressionReport(
         n_leaves_before=policy.n_leaves,
         n_leaves_after=result.n_leaves,
         agreement=_agreement(result, rows, policy.actions[policy.tree.leaf_index(rows)]),
-        disagreement_volume=disagreement(
-            policy.tree,
-            policy.actions,
-            result.tree,
-            result.actions,
-            observation_box(schema, rows),
-            schema,
-        ),
+        disagreement_volume=disagreement(*both, observation_box(schema, rows), schema),
         method=method,
         weighted_disagreement=costs.share(result.tree, result.actions),
         **({} if verdict is None else vars(verdict)),

@@ -263,20 +263,12 @@ def returns_of(policy: TreePolicy, ground: Ground, block: int, episodes: int) ->
 
 @dataclass(frozen=True)
 class Comparison:
-    """Two policies on the same fresh episodes.
+    """Two policies on the same fresh episodes."""
 
-    Attributes:
-        mean_return_before: Mean return of the input.
-        mean_return_after: Mean return of the other policy.
-        return_change: Mean of after minus before, with bounds that hold for all returns within the
-            range.
-        return_range: Lowest and highest return of an episode, as known or as seen.
-    """
-
-    mean_return_before: float
-    mean_return_after: float
-    return_change: Estimate
-    return_range: tuple[float, float]
+    mean_return_before: float  # of the input
+    mean_return_after: float  # of the other policy
+    return_change: Estimate  # after minus before; its bounds hold for all returns in the range
+    return_range: tuple[float, float]  # lowest and highest return, as known or as seen
 
     @classmethod
     def of(cls, before: Floats, after: Floats, demand: Demand) -> "Comparison":

@@ -59,7 +59,14 @@ class ImaginedCommonEpisodes(PairedEpisodes):
         self, challengers: Sequence[TreePolicy], *, few: bool = False, above: float = -np.inf
     ) -> list[Gain]:
         """Return the gains over the present tree that challengers are imagined to make."""
-        return [self._gain(one, above) for one in challengers]
+        found = []
+        for one in challengers:
+            tree = one.tree
+            known = tree.feature.tobytes() + tree.threshold.tobytes() + one.actions.tobytes()
+            if known not in self._known:
+                self._known[known] = self._rollouts.gain(acting(one), hopeless=above)
+            found.append(self._known[known])
+        return found
 
     def gains_of_moves(self, moves: Sequence[Move], *, few: bool = False) -> list[Gain]:
         """Return the imagined gains of moved thresholds, each alone."""
@@ -72,13 +79,6 @@ class ImaginedCommonEpisodes(PairedEpisodes):
             threshold[node] = at
             found.append(self._rollouts.gain(present._replace(threshold=threshold), hopeless=0.0))
         return found
-
-    def _gain(self, challenger: TreePolicy, above: float) -> Gain:
-        tree = challenger.tree
-        known = tree.feature.tobytes() + tree.threshold.tobytes() + challenger.actions.tobytes()
-        if known not in self._known:
-            self._known[known] = self._rollouts.gain(acting(challenger), hopeless=above)
-        return self._known[known]
 
 
 def acting(policy: TreePolicy) -> ActionTree:
@@ -216,7 +216,5 @@ class ImaginedEpisodes:
         best = int(np.argmax(scores))
         method, chosen = challengers[best]
         before = fresh.score(fresh.returns)
-        asked = (whole, *(tree for _, tree in challengers))
-        return Pruned(
-            merged(chosen), method, before, scores[best], asked, np.array([before, *scores])
-        )
+        asked, told = (whole, *(tree for _, tree in challengers)), np.array([before, *scores])
+        return Pruned(merged(chosen), method, before, scores[best], asked, told)

@@ -55,21 +55,18 @@ class _Forest:
 
     def __init__(self, trees: Sequence[TreePolicy], which: Integers) -> None:
         sizes = [one.tree.n_nodes for one in trees]
-        begin = np.concatenate([[0], np.cumsum(sizes)[:-1]])
+        begin = np.cumsum([0, *sizes[:-1]])
         self._map = trees[0].features
-        self._root = begin[which]
+        self._root, shift = begin[which], begin.repeat(sizes)
         self._depth = max(one.tree.depth for one in trees)
-        inner = [one.tree.feature != one.tree.NO_FEATURE for one in trees]
-        own = [np.arange(one.tree.n_nodes) for one in trees]
-        columns = list(zip(trees, inner, own, begin.tolist(), strict=True))
-        self._feature = np.concatenate([np.where(i, p.tree.feature, 0) for p, i, _, _ in columns])
-        self._threshold = np.concatenate([p.tree.threshold for p in trees])
-        self._left, self._right = (
-            np.concatenate([b + np.where(i, getattr(p.tree, s), o) for p, i, o, b in columns])
-            for s in ("left", "right")
+        feature, self._threshold, left, right = (
+            np.concatenate([getattr(one.tree, name) for one in trees])
+            for name in ("feature", "threshold", "left", "right")
         )
-        actions = [p.actions[np.where(i, 0, p.tree.leaf)] for p, i, _, _ in columns]
-        self._action = np.concatenate(actions)
+        ends, own = feature < 0, np.arange(feature.size)  # a leaf leads to itself
+        self._feature = np.where(ends, 0, feature)
+        self._left, self._right = (np.where(ends, own, side + shift) for side in (left, right))
+        self._action = np.concatenate([one.actions[one.tree.leaf] for one in trees])
         self.features: list[Floats] = []  # of each step, [E, d]
         self.actions: list[Integers] = []  # [E]
 
@@ -129,7 +126,9 @@ class Ground:
             starts: Number of the start of each pair, shape [P].
         """
         parts = []
-        seeds = [self._seed_of(start) for start in starts.tolist()]
+        for start in set(starts.tolist()) - self._seeds.keys():
+            self._seeds[start] = episode_seed(self.seed, start, self.stream)
+        seeds = [self._seeds[start] for start in starts.tolist()]
         for first in range(0, len(seeds), COPIES):
             pairs = slice(first, first + COPIES)
             parts.append(self._batch(trees, which[pairs], seeds[pairs], first))
@@ -140,12 +139,6 @@ class Ground:
         successes = np.concatenate(known) if len(known) == len(outcomes) else None
         outcome = Outcome(np.concatenate([one.returns for one in outcomes]), successes)
         return outcome, _Traces(*map(np.concatenate, zip(*traces, strict=True)))
-
-    def _seed_of(self, start: int) -> int:
-        seed = self._seeds.get(start)
-        if seed is None:
-            seed = self._seeds[start] = episode_seed(self.seed, start, self.stream)
-        return seed
 
     def _batch(
         self, trees: Sequence[TreePolicy], which: Integers, seeds: list[int], first: int

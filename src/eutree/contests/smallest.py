@@ -164,12 +164,9 @@ class SmallestWithin:
         stake = None
         if low - high < -self.margin:
             stake = tuned_stake(gains, -self.margin, low - high)[0]
+        error, known = share * self.error, (low, high)
         confirming = NotWorse(
-            margin=self.margin,
-            error=share * self.error,
-            most=self.episodes,
-            known=(low, high),
-            stake=stake,
+            margin=self.margin, error=error, most=self.episodes, known=known, stake=stake
         )
         return confirming.next(fresh)
 

@@ -78,12 +78,9 @@ def run_demo(settings: DemoSettings, out: Path, *, say: Say, follow: Follow) -> 
     if settings.story.plays:
         say("making it smaller: the best tree of each size, by playing")
         ground = RealEpisodes(settings.changed, n_jobs=settings.n_jobs, searches=True)
+    recorded = runs.result.history.observations
     small, compression = compress(
-        runs.policy,
-        runs.result.history.observations,
-        round_thresholds=True,
-        env=ground,
-        seed=settings.seed,
+        runs.policy, recorded, round_thresholds=True, env=ground, seed=settings.seed
     )
     small.save(folder / "small.json")
     write_text(folder / "small.c", to_c(small))

@@ -22,7 +22,7 @@ from eutree.inspection import PolicyDiff
 from eutree.parallel import Workers
 from eutree.policies import TreePolicy
 from eutree.report import CHANGES_ID, Headline, RunReport, Table, WatchedEpisode, WatchedTree, watch
-from eutree.report.chart import Series, curves
+from eutree.report.chart import curves
 from eutree.report.html import Pointer, Verdict, changed_leaves
 from eutree.report.watching import film_if_possible
 from eutree.schema import EnvironmentSpec
@@ -196,7 +196,8 @@ class DemoResult:
 def demo_report(result: DemoResult) -> RunReport:
     """Return the content of the page."""
     settings, (expert, *_, small) = result.settings, result.policies.values()
-    observations = result.played.observations
+    observations, runs = result.played.observations, result.runs
+    named = {_name(run, k == runs.winner): run.curve() for k, run in enumerate(runs.runs)}
     return RunReport(
         title=f"eutree demo, {settings.environment.id}: shown, learned, compressed, exported",
         verdict=result.sentence,
@@ -213,7 +214,7 @@ def demo_report(result: DemoResult) -> RunReport:
         changes=[(b.words, b.visited or 0.0) for b in result.changes.boxes if b.visited][
             :MOST_CHANGES
         ],
-        curves=_curves(result),
+        curves=curves(named),
         front=result.compression.front,
         picked=small.n_leaves,
         tables={"The runs": _runs(result), "The trees": _trees(result)},
@@ -303,14 +304,6 @@ def _filmed(result: DemoResult) -> list[WatchedEpisode]:
 def _film(played: tuple[EnvironmentSpec, Episode, str]) -> WatchedEpisode:
     spec, episode, by = played
     return film_if_possible(spec, episode, by=by)
-
-
-def _curves(result: DemoResult) -> dict[str, Series]:
-    """Return success, return and leaves of every run."""
-    runs = result.runs
-    return curves({
-        _name(run, number == runs.winner): run.curve() for number, run in enumerate(runs.runs)
-    })  # fmt: skip
 
 
 def _name(run: FinishedRun, chosen: bool) -> str:
