@@ -34,15 +34,10 @@ _BEYOND_FLOAT = 2.0**128 - 2.0**103  # the smallest number that would be rounded
 
 @dataclass(frozen=True)
 class Numbers:
-    """A number type of C, with the scale of each feature where the type is an integer.
-
-    Attributes:
-        number: Name of the type: "double", "float" or "int32".
-        scales: Integers per unit of each feature; empty unless the type is "int32".
-    """
+    """A number type of C, with the scale of each feature where the type is an integer."""
 
     number: Number
-    scales: tuple[float, ...] = ()
+    scales: tuple[float, ...] = ()  # integers per unit of each feature; empty unless "int32"
 
     @property
     def c_type(self) -> str:
@@ -71,6 +66,16 @@ class Numbers:
     def value(self, stored: float, feature: int) -> float:
         """Return the observation that a stored number of this type stands for."""
         return stored / self.scales[feature] if self.number == "int32" else float(stored)
+
+    def constant(self, stored: float) -> str:
+        """Return a stored number as a constant of C."""
+        if self.number == "int32":
+            return integer(int(stored))
+        if math.isnan(stored):
+            return f"({self.c_type})NAN"
+        if math.isinf(stored):
+            return f"({self.c_type}){'-' if stored < 0 else ''}INFINITY"
+        return hexadecimal(stored) + ("F" if self.number == "float" else "")
 
 
 def numbers(policy: TreePolicy, number: Number, scale: Scale) -> Numbers:
@@ -108,8 +113,7 @@ def numbers(policy: TreePolicy, number: Number, scale: Scale) -> Numbers:
 def in_integers(policy: TreePolicy, scales: tuple[float, ...]) -> tuple[TreePolicy, Integers]:
     """Return the policy over scaled integers, without the tests that every int32 decides alike.
 
-    Returns:
-        The policy, and the number that each of its leaves has in the given one, shape [L].
+    Return also the number that each of its leaves has in the given one, shape [L].
     """
     tree = policy.tree
     inner = np.flatnonzero(tree.feature != tree.NO_FEATURE)

@@ -45,12 +45,8 @@ def identifiers(names: Sequence[str], *, reserved: Iterable[str], prefix: str = 
     """Return a distinct identifier for each name, as near to it as ASCII allows.
 
     Identifiers differ even where upper and lower case count as equal, have no two underscores in
-    a row and none at an end, and avoid the ``reserved`` words.
-
-    Args:
-        names: Names of features or actions, in any script.
-        reserved: Words to avoid, in any case.
-        prefix: Letters to put before a name that is empty or begins with a digit.
+    a row and none at an end, and avoid the ``reserved`` words in any case. ``prefix`` stands before
+    a name that would be empty or begin with a digit.
     """
     taken = {word.casefold() for word in reserved}
     result = []
@@ -166,11 +162,8 @@ def formulas(
 ) -> list[tuple[int, str]]:
     """Return the derived features that exported code has to compute, and how.
 
-    Args:
-        policy: The policy to export.
-        write: The result of ``operations``.
-        names: How each feature is written.
-        last: How the last value of a feature is written.
+    ``write`` comes from ``operations``; ``names`` are the features as they are written, ``last``
+    says how the last value of one is.
     """
     first, found = policy.derivation.n_measured, policy.derivation.formulas
     return [(j, found[j - first].compute(names, last, write)) for j in exported_features(policy)]
@@ -193,12 +186,8 @@ def operations(
 ) -> dict[str, Callable[..., str]]:
     """Return how each operation is written where functions are called ``NAME_ratio(a, b)``.
 
-    Args:
-        name: Beginning of the functions' names.
-        number: How a number is written.
-        choice: The choice between {1}, where {0} holds, and {2}.
-        both: The word for "and".
-        either: The word for "or".
+    ``number`` writes a number; ``choice`` is between {1}, where {0} holds, and {2}; ``both`` and
+    ``either`` are the words for "and" and "or".
     """
     write = {
         "+": "({0} + {1})", "-": "({0} - {1})", "*": "({0} * {1})",
@@ -212,11 +201,9 @@ def operations(
 
 
 def functions(language: str, name: str) -> Functions:
-    """Return the functions of a language, each with one exit in C, where no product is fused.
+    """Return the functions of a language, of which each has a file; ``name`` begins their names.
 
-    Args:
-        language: ``"c"``, ``"python"`` or ``"structured_text"``, of which each has a file.
-        name: Beginning of their names.
+    In C each has one exit, and no product is fused.
     """
     text = template(f"operations.{language}.txt")
     before, bound = _WRITTEN[language]
@@ -229,12 +216,7 @@ def functions(language: str, name: str) -> Functions:
 
 
 def filled(name: str, /, **values: object) -> list[str]:
-    """Return the lines of a template, ``$name`` and the like filled in.
-
-    Args:
-        name: Name of its file in ``templates``, without the suffix.
-        **values: Value of each field; of a list each entry is a line.
-    """
+    """Return the lines of a template, ``$name`` and the like filled in; lists line by line."""
     fields = {
         field: "\n".join(value) if isinstance(value, list) else value
         for field, value in values.items()

@@ -20,15 +20,7 @@ import numpy as np
 from eutree.arrays import Floats, Integers
 from eutree.display import counted
 from eutree.export import _code as code
-from eutree.export._c_numbers import (
-    Number,
-    Numbers,
-    Scale,
-    hexadecimal,
-    in_integers,
-    integer,
-    numbers,
-)
+from eutree.export._c_numbers import Number, Numbers, Scale, hexadecimal, in_integers, numbers
 from eutree.policies import TreePolicy
 from eutree.trees import DecisionTree, text
 from eutree.trees.boxes import node_boxes
@@ -79,10 +71,8 @@ def to_c(
         lines += ["", *_function(shown, name, of_tree, root)]
     if computed:
         lines += _entry(policy, name, kind)
-    return (
-        "\n".join([*lines, *_masked(policy, orders, name, kind), *_values(policy, name, kind)])
-        + "\n"
-    )
+    lines += [*_masked(policy, orders, name, kind), *_values(policy, name, kind)]
+    return "\n".join(lines) + "\n"
 
 
 def to_c_header(
@@ -116,9 +106,7 @@ def _heading(policy: TreePolicy, kind: Numbers) -> list[str]:
         lines.append(f"  [{index}] {text.labelled(feature)}{bounds}{scale}{text.meaning(feature)}")
     lines += [f"  {line}" for line in text.definitions(policy.tree, policy.schema)]
     lines += ["", "Action:"]
-    lines += [
-        f"  {index} {text.printable(name)}" for index, name in enumerate(policy.schema.actions)
-    ]
+    lines += [f"  {k} {text.printable(name)}" for k, name in enumerate(policy.schema.actions)]
     if policy.masked:
         lines += [
             "",
@@ -377,7 +365,7 @@ def to_c_test(
     n_random = check_integer("n_random", n_random)
     stored = stored_probes(policy, kind, n_random=n_random, seed=check_seed(seed))
     actions = _decided(policy, [meant(kind, row) for row in stored])
-    rows = [f"    {{{', '.join(_constant(kind, value) for value in row)}}}" for row in stored]
+    rows = [f"    {{{', '.join(map(kind.constant, row))}}}" for row in stored.tolist()]
     size, width = stored.shape
     lines = code.filled(
         "c_test",
@@ -428,17 +416,6 @@ def stored_probes(policy: TreePolicy, kind: Numbers, *, n_random: int = 0, seed:
 def meant(kind: Numbers, stored: Floats) -> list[float]:
     """Return the observation that stored numbers stand for."""
     return [kind.value(float(value), feature) for feature, value in enumerate(stored)]
-
-
-def _constant(kind: Numbers, value: float) -> str:
-    """Return one entry of an observation as a constant of C."""
-    if kind.number == "int32":
-        return integer(int(value))
-    if math.isnan(value):
-        return f"({kind.c_type})NAN"
-    if math.isinf(value):
-        return f"({kind.c_type}){'-' if value < 0 else ''}INFINITY"
-    return hexadecimal(value) + ("F" if kind.number == "float" else "")
 
 
 def _wrapped(items: list[str], *, per_line: int = 24) -> str:

@@ -23,6 +23,7 @@ def to_onnx(policy: TreePolicy) -> bytes:
     """
     onnx = _onnx()
     helper, tensor = onnx.helper, onnx.TensorProto
+    info = helper.make_tensor_value_info
     nodes = [
         helper.make_node(
             "TreeEnsemble", ["observation"], ["index"], domain="ai.onnx.ml", **_ensemble(policy)
@@ -30,26 +31,15 @@ def to_onnx(policy: TreePolicy) -> bytes:
         helper.make_node("Cast", ["index"], ["column"], to=tensor.INT64),
         helper.make_node("Reshape", ["column", "vector"], ["action"]),
     ]
-    outputs = [helper.make_tensor_value_info("action", tensor.INT64, ["N"])]
+    inputs = [info("observation", tensor.DOUBLE, ["N", policy.tree.n_features])]
+    outputs = [info("action", tensor.INT64, ["N"])]
     constants = [helper.make_tensor("vector", tensor.INT64, [1], [-1])]
     if policy.schema.controls:
         levels = np.array(policy.schema.action_values)
         constants.append(helper.make_tensor("levels", tensor.DOUBLE, levels.shape, levels.ravel()))
         nodes.append(helper.make_node("Gather", ["levels", "action"], ["value"], axis=0))
-        outputs.append(
-            helper.make_tensor_value_info("value", tensor.DOUBLE, ["N", levels.shape[1]])
-        )
-    graph = helper.make_graph(
-        nodes,
-        "policy",
-        [
-            helper.make_tensor_value_info(
-                "observation", tensor.DOUBLE, ["N", policy.tree.n_features]
-            )
-        ],
-        outputs,
-        constants,
-    )
+        outputs.append(info("value", tensor.DOUBLE, ["N", levels.shape[1]]))
+    graph = helper.make_graph(nodes, "policy", inputs, outputs, constants)
     sets = [helper.make_opsetid("", 17), helper.make_opsetid("ai.onnx.ml", 5)]
     model = helper.make_model(graph, producer_name="eutree", opset_imports=sets, ir_version=8)
     helper.set_model_props(model, _metadata(policy))

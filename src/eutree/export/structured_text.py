@@ -115,9 +115,7 @@ def _entry(policy: TreePolicy, name: str, inputs: list[str]) -> list[str]:
     body = [line for j in range(first) for line in begin(j)]
     for j, formula in code.formulas(policy, operators, inputs, last.__getitem__):
         body += [f"{inputs[j]} := {formula};", *begin(j)]
-    arguments = ", ".join(
-        one if j < first or j in computed else "0.0" for j, one in enumerate(inputs)
-    )
+    taken = [one if j < first or j in computed else "0.0" for j, one in enumerate(inputs)]
     own = [
         f"    {inputs[j]} : LREAL; (* {text.labelled(policy.schema.features[j])} *)"
         for j in computed
@@ -130,7 +128,7 @@ def _entry(policy: TreePolicy, name: str, inputs: list[str]) -> list[str]:
         inputs=_inputs(policy, inputs[:first])[1:-1],
         own=own,
         computed=body,
-        arguments=arguments,
+        arguments=", ".join(taken),
     )
 
 

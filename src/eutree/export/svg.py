@@ -5,16 +5,9 @@ from xml.sax.saxutils import escape, quoteattr
 import numpy as np
 
 from eutree.display import counted
+from eutree.export import drawing
 from eutree.export._code import ASSUMPTION, template
-from eutree.export.drawing import (
-    branches,
-    column_lefts,
-    fills,
-    layout,
-    text_width,
-    words_of_leaf,
-    words_of_test,
-)
+from eutree.export.drawing import words_of_leaf
 from eutree.policies import TreePolicy
 from eutree.trees.text import Digits, asked, printable
 
@@ -34,11 +27,11 @@ def to_svg(policy: TreePolicy, *, standalone: bool = True) -> str:
         standalone: Whether the drawing brings its own style; a page that embeds several
             drawings includes ``STYLE`` once instead.
     """
-    tree, places = policy.tree, layout(policy.tree)
-    digits, colours = Digits(policy.schema, tree), fills(policy.schema)
+    tree, places = policy.tree, drawing.layout(policy.tree)
+    digits, colours = Digits(policy.schema, tree), drawing.fills(policy.schema)
     labels = [_label(policy, node, digits) for node in range(tree.n_nodes)]
-    widths = [text_width(label) + 2 * _PADDING for label in labels]
-    lefts = column_lefts(places, widths, gap=_GAP, margin=_MARGIN)
+    widths = [drawing.text_width(label) + 2 * _PADDING for label in labels]
+    lefts = drawing.column_lefts(places, widths, gap=_GAP, margin=_MARGIN)
     shares, notes = np.zeros(tree.n_nodes), 0.0  # of all visits that passed through each node
     if policy.leaves is not None:
         visits = tree.totals(policy.leaves.visits.sum(axis=1))
@@ -57,7 +50,7 @@ def to_svg(policy: TreePolicy, *, standalone: bool = True) -> str:
     if standalone:
         lines.append(f"<style>{STYLE}</style>")
     middles = _MARGIN + (places.row + 0.5) * _ROW
-    for parent, child, answer in branches(policy):
+    for parent, child, answer in drawing.branches(policy):
         start, end = lefts[parent] + widths[parent], lefts[child]
         is_upper = bool(tree.left[parent] == child)
         place = (end, middles[child], is_upper)
@@ -122,7 +115,7 @@ def _node(
         data = f'data-leaf="{tree.leaf[node]}" data-action="{action}"'
         words = f"leaf {tree.leaf[node]}: {words_of_leaf(policy, node)}"
     else:
-        kind, radius, paint, words = "test", 5.0, "", words_of_test(policy, node)
+        kind, radius, paint, words = "test", 5.0, "", drawing.words_of_test(policy, node)
         data = (
             f'data-feature="{tree.feature[node]}" '
             f"data-threshold={quoteattr(repr(float(tree.threshold[node])))} "
