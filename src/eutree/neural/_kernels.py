@@ -133,10 +133,8 @@ def layer_gradient(
 def passed_back(error: Float32s, w: Float32s, hidden: Float32s) -> Float32s:
     """Return the derivative of the loss by the inputs of a rectified layer, [n, h].
 
-    Args:
-        error: Derivative by the sums of the next layer, [n, q].
-        w: Weights of the next layer, [h, q].
-        hidden: Outputs of the rectified layer, [n, h]; nothing is passed back where one is 0.
+    ``error`` [n, q] is that by the sums of the next layer, whose weights are w [h, q]. Nothing is
+    passed back where an output ``hidden`` [n, h] of the rectified layer is 0.
     """
     back = np.zeros_like(hidden)
     add_product(error, np.ascontiguousarray(w.T), back)
@@ -154,12 +152,8 @@ def backward(
 ) -> None:
     """Write the gradient of a loss by all weights (Rumelhart, Hinton and Williams 1986).
 
-    Args:
-        network: Weights of all layers.
-        x: Inputs, [n, p].
-        at: Activations that ``forward`` wrote for them.
-        error: Derivative of the loss by each output, [n, q].
-        gradient: Out, laid out like the network.
+    ``at`` is what ``forward`` wrote for the inputs x [n, p], ``error`` [n, q] the derivative of the
+    loss by each output.
     """
     # From the last layer to the first; errors are those before the rectifier.
     layer_gradient(at.hidden2, error, gradient.w3, gradient.b3)
@@ -304,13 +298,8 @@ def quantile_errors(quantiles: Float32s, goals: Floats, limit: float, error: Flo
     """Write the derivatives of the loss of quantile regression (Dabney et al. 2018, Eq. 10).
 
     The k-th of m quantiles is to have a share (k + 1/2) / m of the goals below it. Squares are
-    linear beyond ``limit``. A single quantile has the squared error of DQN.
-
-    Args:
-        quantiles: Those of an action, [m].
-        goals: Equally likely returns, [m].
-        limit: Largest difference that counts.
-        error: Out, [m].
+    linear beyond ``limit``. A single quantile has the squared error of DQN. All arrays are [m],
+    and the goals are equally likely returns.
     """
     m = quantiles.size
     for k in range(m):

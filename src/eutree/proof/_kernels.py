@@ -182,8 +182,7 @@ def cut(
 def join(cells: MetCells, low: Floats, high: Floats) -> int:
     """Cut boxes [N, d] at the bounds of cells, and write the hull of each cell that is met.
 
-    Returns:
-        How many cells were met; -1 where there is no room for so many.
+    Return how many there are; -1 where there is no room for so many.
     """
     d, met = low.shape[1], 0
     begin, end = np.empty(d, dtype=np.int64), np.empty(d, dtype=np.int64)

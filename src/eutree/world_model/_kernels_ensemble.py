@@ -78,13 +78,8 @@ def write_error(
     as it is: it does not pull at the mean, which would buy likelihood by forgetting rare steps.
     Binary features and ends: cross-entropy. Rewards: Huber's loss in the head of the step's kind.
 
-    Args:
-        steps: All rows.
-        rows: Those of the batch, [n].
-        weight: How much a row that ends counts for the log-odds of ends: there are more of them in
-            a batch than among the steps.
-        out: Outputs, [n, q].
-        error: Out, [n, q].
+    ``rows`` [n] are the batch, ``out`` its outputs [n, q]. A row that ends counts ``weight`` for
+    the log-odds of ends: there are more of them in a batch than among the steps.
     """
     n, d = rows.size, steps.binary.size
     error[:] = 0
