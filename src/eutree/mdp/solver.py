@@ -45,10 +45,6 @@ from eutree.errors import InvalidArgumentError
 from eutree.mdp import _kernels_planning as _kernels
 from eutree.validation import check_number, check_vector
 
-# Shared by the two iterations, discounted and undiscounted; :mod:`eutree.mdp.solver` has the
-# theory.
-
-
 # With T(s, a) the transitions that left leaf s by action a (Eqs. 3 and 4 of the paper):
 #
 #     Pr(s, a, s') = |{(o, a, r, o') in T(s, a) : L(o') = s'}| / |T(s, a)|          (Eq. 3)

@@ -225,14 +225,8 @@ class DoubleDQN:
             number = np.arange(self.updates, self.updates + size)
             left = 1.0 - np.minimum(number / self._planned, 1.0) * (1.0 - SLOWEST)
             rows = generator.integers(self.n_rows, size=(size, self._settings.batch))
-            _kernels.update(
-                self._learning,
-                self._experience,
-                rows,
-                self._settings.rate * left,
-                self.updates,
-                self._rates,
-            )
+            rates, made = self._settings.rate * left, self.updates
+            _kernels.update(self._learning, self._experience, rows, rates, made, self._rates)
             self.updates += size
 
     def act(self, observation: Floats, allowed: Booleans | None = None) -> int:

@@ -17,8 +17,7 @@ from eutree.proof.replay import BeginningThere, Trajectory, check_plant, replay
 
 __all__ = [
     "ActingNodes", "BeginningThere", "Certificate", "Effort", "Intervals", "NeedsEpisodesError",
-    "Picture", "Pieces",
-    "Plant", "Starts", "Trajectory", "Truth", "check_plant", "clip", "cos", "load_certificate",
-    "maximum", "minimum", "plant_of", "prove", "register_plant", "replay", "save_certificate",
-    "sin", "sqrt", "where",
+    "Picture", "Pieces", "Plant", "Starts", "Trajectory", "Truth", "check_plant", "clip", "cos",
+    "load_certificate", "maximum", "minimum", "plant_of", "prove", "register_plant", "replay",
+    "save_certificate", "sin", "sqrt", "where",
 ]  # fmt: skip

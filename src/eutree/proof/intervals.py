@@ -297,15 +297,10 @@ _TINY = 1e-300
 
 @dataclass(frozen=True, eq=False)
 class Doubt:
-    """The jumps of a step that N boxes may straddle, and the side that is assumed.
+    """The jumps of a step that N boxes may straddle, and the side that is assumed."""
 
-    Attributes:
-        unsure: How many jumps a box straddles; counted while the step is computed.
-        assumed: Which side is taken: 1 where the statement holds, 0 where not, -1 for both.
-    """
-
-    unsure: Integers  # [N]
-    assumed: Integers  # [N]
+    unsure: Integers  # [N]; how many a box straddles, counted while the step is computed
+    assumed: Integers  # [N]; 1: the side where the statement holds, 0: the other, -1: both
 
 
 class Affine(Intervals):

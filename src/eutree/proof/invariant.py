@@ -62,9 +62,7 @@ class StateGrid:
     def boxes(self, cells: Integers) -> State:
         """Return the boxes of some cells, given by their numbers [N]."""
         places = np.unravel_index(cells, self.shape)
-        return [
-            Intervals(edges[k], edges[k + 1]) for edges, k in zip(self.edges, places, strict=True)
-        ]
+        return [Intervals(at[k], at[k + 1]) for at, k in zip(self.edges, places, strict=True)]
 
     def range(self, state: State) -> tuple[Integers, Integers]:
         """Return the first and last cell along each number that boxes meet, shapes [N, d].

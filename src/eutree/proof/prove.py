@@ -114,24 +114,16 @@ def _of_return(found: Certificate, asked: EpisodeProperty, plant: Plant) -> Cert
     verdict = PROVEN if low >= least else REFUTED if high < least else UNDECIDED
     words = f"over all starts of {plant.environment} {_said(verdict, f'it {asked.text}')}: "
     words += f"its mean return is in [{low:.6g}, {high:.6g}]"
-    undecided = float(verdict == UNDECIDED)
+    share = float(verdict == UNDECIDED)
     return replace(
-        found,
-        sentence=words,
-        verdict=verdict,
-        undecided=undecided,
-        counterexample=None,
-        starts=None,
+        found, sentence=words, verdict=verdict, undecided=share, counterexample=None, starts=None
     )
 
 
 def _said(verdict: str, statement: str) -> str:
     """Return a statement as it was found to be."""
-    if verdict == PROVEN:
-        return statement
-    return (
-        f"it is not true that {statement}" if verdict == REFUTED else f"whether {statement} is open"
-    )
+    words = {PROVEN: "{}", REFUTED: "it is not true that {}", UNDECIDED: "whether {} is open"}
+    return words[verdict].format(statement)
 
 
 class _Proof:

@@ -49,29 +49,23 @@ def policy_page(
     subtitle = ", ".join(sizes)
     subtitle += "".join(f", {words}" for words in _made_with(policy))
     facts = [subtitle, *definitions(policy.tree, policy.schema)]
-    facts += [] if certificate is None else [str(certificate)]
+    proven = ""
+    if certificate is not None:
+        from eutree.report.proof_page import certificate_section
+
+        facts.append(str(certificate))
+        proven = certificate_section(certificate)
     verdict = policy_verdict(policy, episodes, demonstrations)
     body = Template(asset("policy.html")).substitute(
         head=head(heading, verdict, facts, beside=asset("search.html")),
-        tree=asset("tree.html"),
-        player=asset("player.html"),
-        details=asset("details.html"),
-        certificate=_proven(certificate),
+        certificate=proven,
+        **{part: asset(f"{part}.html") for part in ("tree", "player", "details")},
     )
     data = tree_data(policy, episodes, demonstrations) | {"file": file}
     scripts = "".join(asset(f"{name}.js") for name in _SCRIPTS)
     style = asset("watch.css") + asset("policy.css")
     add_pictures(data, episodes, body + scripts + style, size_limit)
     return page(title=heading, body=body, style=style, script=scripts, data=data)
-
-
-def _proven(certificate: "Certificate | None") -> str:
-    """Return the part of the page with the proven properties, if there are any."""
-    if certificate is None:
-        return ""
-    from eutree.report.proof_page import certificate_section
-
-    return certificate_section(certificate)
 
 
 def _made_with(policy: TreePolicy) -> list[str]:

@@ -181,9 +181,7 @@ def _watch(watched: WatchedTree) -> str:
     return Template(asset("watch.html")).substitute(
         title="Watch it decide" if watched.episodes else "The tree",
         caption=escape(watched.caption),
-        tree=asset("tree.html"),
-        player=asset("player.html"),
-        details=asset("details.html"),
+        **{part: asset(f"{part}.html") for part in ("tree", "player", "details")},
     )
 
 

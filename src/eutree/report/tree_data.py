@@ -52,9 +52,7 @@ def tree_data(
         )
     ]
     recorded = () if demonstrations is None else demonstrations.episodes
-    n_numbers = sum(watched.episode.observations.size for watched in episodes) * (
-        policy.history + 1
-    )
+    n_numbers = (policy.history + 1) * sum(one.episode.observations.size for one in episodes)
     digits = EXACT if n_numbers <= MOST_EXACT else SHORT
     statistics = None
     if policy.leaves is not None:

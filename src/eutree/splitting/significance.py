@@ -60,9 +60,7 @@ def permutation_p(
     check_integer("n_permutations", n_permutations, low=1)
     check_integer("stop_after", stop_after, low=1)
     value = search.value(split)
-    groups = [
-        _Group.of(sample, rows, search, value, by_episode) for _, rows in search.groups(sample)
-    ]
+    groups = [_Group.of(sample, one, search, value, by_episode) for _, one in search.groups(sample)]
     reached = 0
     for draw in range(1, n_permutations + 1):
         # no generator expression: every group must draw, or the stream would depend on the data
@@ -179,17 +177,9 @@ class _Group:
             rank = self.episodes.permuted(self.rank, generator)
             counts = np.bincount(rank, minlength=cumulative.size)
             cumulative = np.cumsum(counts).astype(np.float64)
+        limits = self.side, self.distance, self.floor, 0, _kernels.BRUTE
         for order, legal in zip(self.order, self.legal, strict=True):
-            cut, _, _ = _kernels.best_cut(
-                rank[order],
-                legal,
-                cumulative,
-                self.side,
-                self.distance,
-                self.floor,
-                0,
-                _kernels.BRUTE,
-            )
+            cut, _, _ = _kernels.best_cut(rank[order], legal, cumulative, *limits)
             if cut:
                 return True
         return False

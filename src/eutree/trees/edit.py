@@ -128,8 +128,8 @@ def rebuild(tree: DecisionTree, source: Integers, label: Integers) -> tuple[Deci
             continue
         feature, threshold = int(tree.feature[node]), float(tree.threshold[node])
         number = built.test(feature, threshold, parent=parent, side=side)
-        pending.append((int(source[tree.right[node]]), number, 1))
-        pending.append((int(source[tree.left[node]]), number, 0))
+        left, right = int(source[tree.left[node]]), int(source[tree.right[node]])
+        pending += [(right, number, 1), (left, number, 0)]
     return built.build()
 
 

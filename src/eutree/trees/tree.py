@@ -115,9 +115,7 @@ class DecisionTree(Frozen):
 
         inner = self.feature != self.NO_FEATURE
         own = np.arange(self.n_nodes)
-        children = np.where(
-            inner[:, np.newaxis], np.stack([self.left, self.right], 1), own[:, None]
-        )
+        children = np.where(inner[:, None], np.stack([self.left, self.right], 1), own[:, None])
         balanced = math.ceil(math.log2(self.n_leaves)) if self.n_leaves > 1 else 0
         levels = _kernels.LevelNodes(
             frozen(np.where(inner, self.feature, 0).astype(np.uint64)),

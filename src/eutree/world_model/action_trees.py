@@ -131,8 +131,6 @@ def to_decision_tree(tree: ActionTree, n_features: int) -> tuple[DecisionTree, I
     is_leaf = tree.feature < 0
     feature = np.where(is_leaf, DecisionTree.NO_FEATURE, tree.feature)
     threshold = np.where(is_leaf, np.nan, tree.threshold)
-    left, right = (
-        np.where(is_leaf, DecisionTree.NO_NODE, side) for side in (tree.left, tree.right)
-    )
+    left, right = (np.where(is_leaf, DecisionTree.NO_NODE, to) for to in (tree.left, tree.right))
     leaf = np.where(is_leaf, np.cumsum(is_leaf) - 1, DecisionTree.NO_LEAF)
     return DecisionTree(n_features, feature, threshold, left, right, leaf), tree.action[is_leaf]

@@ -126,13 +126,8 @@ def steps_of(data: Transitions, scales: Scales) -> Steps:
     unit = scales.earned[kind, 1]
     rewards = np.concatenate([data.rewards, data.rewards[ended]]) - scales.earned[kind, 0]
     rewards = rewards / np.where(unit > 0.0, unit, 1.0)
-    return Steps(
-        inputs.astype(np.float32),
-        targets.astype(np.float32),
-        rewards.astype(np.float32),
-        kind,
-        scales.binary,
-    )
+    x, y, earned = (column.astype(np.float32) for column in (inputs, targets, rewards))
+    return Steps(x, y, earned, kind, scales.binary)
 
 
 @dataclass(frozen=True, eq=False)
