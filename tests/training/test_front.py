@@ -17,7 +17,7 @@ from eutree.policies import TreePolicy
 from eutree.report.run_folder_report import report_of_run
 from eutree.report.run_page import run_page
 from eutree.schema import Schema
-from eutree.training.front import FEWEST, MOST, Extent
+from eutree.training.front import FEWEST, MOST, Extent, _by_labels
 from eutree.training.handover import TOO_LARGE, Handover
 from eutree.training.phases import Phase, Plan, Position, due
 from eutree.trees import DecisionTree
@@ -238,3 +238,20 @@ def test_a_few_trees_play_from_few_starts_only_where_they_have_to():
     assert (few.trees, few.starts) == (2, 12)
     assert Extent.of(1, 8_000, 400, least=2).starts == 2
     assert Extent.of(20_000, 8_000, 400, least=2) == Extent.of(20_000, 8_000, 400)
+
+
+@pytest.mark.parametrize("limit", [None, 4])
+def test_with_a_limit_cuts_of_the_start_may_be_picked(env, shown, monkeypatch, limit):
+    """Where nothing is imagined only the learned tree was cut, however badly it played."""
+    cut = []
+
+    def noted(policy, *given):
+        cut.append(policy.n_leaves)
+        return _by_labels(policy, *given)
+
+    monkeypatch.setattr("eutree.training.front._by_labels", noted)
+    options = {"method": "adaptive-q", "episodes": 20, "front_steps": 20_000, "seed": 1}
+    result = eutree.learn(env, demonstrations=shown, max_leaves=limit, **options)
+    assert result.first.n_leaves > 4
+    assert cut == [result.learned.n_leaves, result.first.n_leaves][: 1 + (limit is not None)]
+    assert limit is None or result.policy.n_leaves <= limit

@@ -252,8 +252,11 @@ def test_a_run_folder_refuses_a_second_run_and_another_start(env, demonstrations
         eutree.learn(env, seed=2, resume=True, **options)
 
 
-def test_a_finished_run_can_be_made_longer(env, demonstrations, tmp_path):
-    options = {"demonstrations": demonstrations, "evaluation_episodes": 5, "evaluate_every": 20}
+@pytest.mark.parametrize("start", ["tree+demos", "nothing"])
+def test_a_finished_run_can_be_made_longer(env, demonstrations, tmp_path, start):
+    """The front of the shorter run is no front of the longer one."""
+    options = {"evaluation_episodes": 5, "evaluate_every": 20, "front_steps": 5000}
+    options |= {} if start == "nothing" else {"demonstrations": demonstrations}
     eutree.learn(env, out=tmp_path / "a", episodes=20, **options)
     longer = eutree.learn(env, out=tmp_path / "a", resume=True, episodes=40, **options)
     assert same(longer, eutree.learn(env, episodes=40, **options))

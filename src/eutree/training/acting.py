@@ -110,6 +110,7 @@ def _finished(state: RunState) -> int:
         episode=state.at.episode + 1,
         steps=state.at.steps + length,
         longest=max(state.at.longest, length),
+        fronted=False,
         judged=False,
     )
     state.steps_of_episode = 0

@@ -217,6 +217,7 @@ class Evaluations:
 
         plan, handover, at, state = self._plan, self._handover, self._state.at, self._state
         state.whole = True
+        self.front, self.picked = (), None  # of a run that was made longer
         ground = arena.ground(plan.seed)
         steps = handover.steps_of_front(at.steps, side_by_side=ground.side_by_side)
         if plan.is_dear and handover.front_steps is None:

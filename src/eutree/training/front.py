@@ -111,6 +111,9 @@ def front_of_run(
         found = [one for size in sorted(best, reverse=True) for one in best[size][:EACH]]
     else:
         found = _by_labels(learned, learner, checked)
+        if max_leaves is not None:  # then the start may be too large itself
+            found += _by_labels(here(start), learner, checked)
+            found.sort(key=lambda one: -one.n_leaves)
     demand = Demand(
         episodes=extent.starts,
         max_leaves=max_leaves,
@@ -125,14 +128,14 @@ def front_of_run(
 
 
 def _by_labels(
-    learned: TreePolicy, learner: Learner, checked: Callable[[TreePolicy], TreePolicy]
+    policy: TreePolicy, learner: Learner, checked: Callable[[TreePolicy], TreePolicy]
 ) -> list[TreePolicy]:
-    """Return the trees that decide most like the learned one, the largest first."""
-    seen = learned.derivation.behind(learner.history.observations)
-    if len(seen) == 0 or seen.shape[1] != learned.tree.n_features:
+    """Return the trees that decide most like one of the run's, the largest first."""
+    seen = policy.derivation.behind(learner.history.observations)
+    if len(seen) == 0 or seen.shape[1] != policy.tree.n_features:
         return []
-    costs = Costs.of(learned, seen[:: len(seen) // ROWS + 1], "visits")
-    return [checked(one) for one in reversed(Ladder(learned, costs).rungs())]
+    costs = Costs.of(policy, seen[:: len(seen) // ROWS + 1], "visits")
+    return [checked(one) for one in reversed(Ladder(policy, costs).rungs())]
 
 
 def _few(trees: Sequence[TreePolicy], most: int) -> list[TreePolicy]:

@@ -163,7 +163,7 @@ class Run:
         judgement = self.evaluations.judgement
         if self.at.judged and judgement is not None and judgement.handed_over == START:
             return self.first
-        return self.evaluations.picked or self.learned()
+        return (self.at.fronted and self.evaluations.picked) or self.learned()
 
     def learned(self) -> TreePolicy:
         """Return the present policy, frozen."""

@@ -251,6 +251,7 @@ def names_of(front: Sequence[FrontEntry]) -> list[str]:
 
 def _save_front(folder: Path, front: Sequence[FrontEntry], picked: TreePolicy | None) -> None:
     """Write the trees of a front, and the table of their returns."""
+    shutil.rmtree(folder / "front", ignore_errors=True)  # of a run that is longer now
     make_folder(folder / "front")
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
