@@ -69,7 +69,7 @@ class AdaptiveQMethod(MethodOfParts):
     """
 
     name: ClassVar[str] = "adaptive-q"
-    needs: ClassVar[Needs] = Needs()
+    needs: ClassVar[Needs] = Needs(keeps_locks=True)
     parts = (TREE_PART, *history_parts(tree="tree"), LOCKED_PART, _OWN)
 
     discount: float = 0.99

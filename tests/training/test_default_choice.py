@@ -4,6 +4,7 @@ import itertools
 import json
 import subprocess
 import sys
+from dataclasses import replace
 
 import gymnasium
 import numpy as np
@@ -13,6 +14,7 @@ import eutree
 from eutree.cli.main import run
 from eutree.data import Episode
 from eutree.envs.experts import EXPERTS, follow_the_fall
+from eutree.errors import InvalidArgumentError
 from eutree.learners import DistilledDQN
 from eutree.schema import Schema
 from eutree.training.planned import default_for
@@ -174,3 +176,19 @@ def test_a_policy_that_stays_is_evaluated_once(cart, monkeypatch):
         for one, other in itertools.pairwise(evaluated)
     )
     assert len(evaluated) == 1 + changed  # the judgement's episodes are others
+
+
+def test_locked_leaves_stay_or_the_method_refuses():
+    """Four methods dropped the locks of the start, and acted otherwise there, without a word."""
+    env = gymnasium.make("eutree/Evasion2-v0")
+    shown = eutree.record(env, eutree.experts.wait_at_crossing, episodes=6, seed=3)
+    expert = eutree.fit_expert_tree(shown)
+    locked = replace(expert, locked=(0, expert.n_leaves - 1))
+    begins = {"demonstrations": shown, "expert": locked, "seed": 1}
+    for name in ("distilled-dqn", "vrd", "parti-game", "vqql"):
+        with pytest.raises(InvalidArgumentError, match="does not keep the locked leaves"):
+            eutree.learn(env, method=name, episodes=4, **begins)
+    for name in ("u-tree", "adaptive-q", "density-tree", "history-u-tree", "auto"):
+        result = eutree.learn(env, method=name, episodes=4, front_steps=0, **begins)
+        assert len(result.learned.locked) == 2
+    assert result.reason == "planning learns: it keeps the locked leaves"

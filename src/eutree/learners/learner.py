@@ -264,6 +264,7 @@ class Needs:
         starts: The starts that mean something to it.
         asks_teacher: It can ask a teacher; others refuse one.
         chance_will_do: Where there are no demonstrations, episodes of random actions will do.
+        keeps_locks: Locked leaves of the expert tree stay as they are.
     """
 
     goal: bool = False
@@ -272,6 +273,7 @@ class Needs:
     starts: tuple[StartName, ...] = ("nothing", "tree", "tree+demos", "demos", "random-tree")
     asks_teacher: bool = False
     chance_will_do: bool = False
+    keeps_locks: bool = False
 
     def refusal(self, problem: Problem, start: Start, *, offline: bool = False) -> str:
         """Return why the method does not fit, or ""."""
@@ -281,6 +283,8 @@ class Needs:
             return f"it starts from {' or '.join(self.starts)}, got {start.name}"
         if start.teacher is not None and not self.asks_teacher:
             return "it asks no teacher; distilled-dqn does"
+        if start.expert is not None and start.expert.locked and not self.keeps_locks:
+            return "it does not keep the locked leaves of the expert tree; planning does"
         if self.goal and not reached(start.episodes).any():
             return "it needs a goal: a demonstration that reached it (is_success, or a good end)"
         if self.max_features is not None and problem.n_features > self.max_features:

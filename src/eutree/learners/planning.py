@@ -68,7 +68,7 @@ class PlanningMethod(MethodOfParts):
     """
 
     name: ClassVar[str] = "planning"
-    needs: ClassVar[Needs] = Needs(gathering=True)
+    needs: ClassVar[Needs] = Needs(gathering=True, keeps_locks=True)
     deleted: ClassVar[Mapping[str, Any]] = {"planner.world_model": "trees"}
 
     gathering_episodes: int = 20

@@ -21,7 +21,7 @@ from eutree.interaction.episode import Stream
 from eutree.interaction.first_look import look_at
 from eutree.interaction.first_look import return_range as known_range
 from eutree.interaction.making import Environment, opened
-from eutree.learners import Method, Problem, Start, start_of
+from eutree.learners import DEFAULT, Method, Problem, Start, start_of
 from eutree.learners.learner import check_fits, own_code
 from eutree.learners.registry import checked_document
 from eutree.policies import TreePolicy
@@ -180,6 +180,8 @@ def _prepared(
     if env is not None and demonstrations is None and expert is None:
         meant, by_chance = shown_by_chance(asked, method, start, env, seed=seed)
         demonstrations = by_chance
+    elif env is not None and expert is not None and expert.locked and method in (None, "auto"):
+        meant = ChosenMethod(DEFAULT, "planning learns: it keeps the locked leaves")
     choice, plan = planned(asked, meant, start, demonstrations, env, seed=seed)
     if demonstrations is not None and asked.history:
         demonstrations = demonstrations.with_history(asked.history)

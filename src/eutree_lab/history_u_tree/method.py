@@ -74,7 +74,7 @@ class HistoryUTreeMethod(UTreeMethod):
     """
 
     name: ClassVar[str] = "history-u-tree"
-    needs: ClassVar[Needs] = Needs()
+    needs: ClassVar[Needs] = Needs(keeps_locks=True)
 
     splitter: KolmogorovSmirnov = KolmogorovSmirnov(
         score="calibrated", compare="action", min_leaf=10

@@ -72,7 +72,7 @@ class Discretizer(MethodOfParts):
     """
 
     name: ClassVar[str]
-    needs: ClassVar[Needs] = Needs()
+    needs: ClassVar[Needs] = Needs(keeps_locks=True)
 
     discount: float = 0.99
     exploration: float = 0.1
