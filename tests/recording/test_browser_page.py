@@ -468,6 +468,10 @@ def test_without_an_idle_action_nothing_happens_before_the_first_key(chromium, t
         assert person.page.locator("#title").inner_text() == "Press a key to begin"
         assert person.page.locator("#pill").is_hidden()  # nothing is under way
         person.down("ArrowRight").until(acting="right").until(state="review").up("ArrowRight")
+        assert person.page.locator("#title").inner_text() != "Nothing was recorded"
+        person.rest().tap("Enter").until(state="playing").tap("e").until(state="review")
+        assert person.page.locator("#title").inner_text() == "Nothing was recorded"
+        assert not person.data("result")
     episode = Demonstrations.load(tmp_path / "demos").episodes[0]
     assert set(episode.actions) == {1}
     assert set(episode.steps["speed"]) == {0.25}

@@ -213,6 +213,7 @@ class View:
     actions: list[ActionView]
     controls: dict[str, str]
     episodes: list[EpisodeView]
+    last: int | None  # place in them of the episode that ended just now, if it had a step
     leaving: bool  # leaving now gives up the tree that is being made: the person is asked
     coming: int  # the action that the held keys mean, taken at the next decision
     awaits_key: bool  # the first decision comes with the first action key

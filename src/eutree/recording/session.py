@@ -345,6 +345,7 @@ class Session:
             saved=sum(episode.kept and episode.by_hand is None for episode in episodes),
             target=self.settings.target,
             episodes=episodes,
+            last=self.recording.last,
             leaving=self.wishes.is_leaving,
             task=self.task,
             makes=self.settings.makes,

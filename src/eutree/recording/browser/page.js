@@ -337,7 +337,7 @@ function show() {
   rebuild("controls", [view.controls, view.turn_based, view.study?.allowed], showControls);
   rebuild("pads", [view.actions, view.turn_based || drives(), view.controls], showPads);
   rebuild("buttons", [view.state, watching, asksToLeave(), view.saved >= view.target, view.saved > 0, view.controls,
-    lastKept(), view.makes, phase(), view.tree?.asks, view.can_watch, view.can_correct, Boolean(view.missing), scene(), view.study?.allowed], showButtons);
+    lastEpisode()?.kept, view.makes, phase(), view.tree?.asks, view.can_watch, view.can_correct, Boolean(view.missing), scene(), view.study?.allowed], showButtons);
   rebuild("practise", [view.state, watching, phase(), view.tree?.may_gain, view.tree?.asks, view.tree?.was_searched], showPractise);
   rebuild("episodes", [view.episodes, watching, isOver()], showEpisodes);
   rebuild("numbers", view.numbers, showNumbers);
@@ -370,10 +370,8 @@ let deaf = 0;
 
 function isOver() { return view.state === "finished" || view.state === "failed"; }
 
-function lastKept() {
-  const last = (view.episodes || []).at(-1);
-  return last ? last.kept : null;
-}
+/* The episode that ended just now; nothing where it ended without a step. */
+function lastEpisode() { return (view.episodes || [])[view.last ?? -1]; }
 
 function keyFor(name) {
   return (view.controls || {})[name] || "";
@@ -504,7 +502,7 @@ function showButtons() {
       button.append(kbd(shown));
       button.setAttribute("aria-keyshortcuts", shown[0].toUpperCase() + shown.slice(1));
     }
-    button.disabled = !acts() || (name === "discard" && view.state === "review" && lastKept() !== true);
+    button.disabled = !acts() || (name === "discard" && view.state === "review" && !lastEpisode()?.kept);
     button.addEventListener("click", () => {
       if (view.state === "review" && performance.now() < deaf) return;
       act(name);
@@ -630,7 +628,7 @@ function keySentence() {
 }
 
 function recordingCard() {
-  const last = (view.episodes || []).at(-1);
+  const last = lastEpisode();
   const enough = view.saved >= view.target;
   const kept = (view.episodes || []).filter((one) => one.kept).length; // those that a tree drove, too
   const so_far = view.saved || !kept ? `${view.saved} of ${view.target} saved` : `${kept} saved`;
@@ -682,7 +680,7 @@ function drivingCard() {
 }
 
 function showCard() {
-  const last = (view.episodes || []).at(-1);
+  const last = lastEpisode();
   const [title, text, how] = recordingCard();
   const counting = view.state === "countdown" && view.countdown;
   $("big").hidden = !counting;
