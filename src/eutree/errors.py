@@ -51,7 +51,7 @@ class UnknownNameError(InvalidArgumentError):
     """
 
     def __init__(self, kind: str, name: str, known: Iterable[str], *, hint: str = "") -> None:
-        known, name = sorted(known), _cut(name)
+        known, name = sorted({*known}), _cut(name)
         nearest = get_close_matches(name, known, n=1, cutoff=0.5)
         meant = f" Did you mean {nearest[0]!r}?" if nearest else ""
         listing = f" Known: {', '.join(known) or 'none'}." if len(known) <= 20 else ""

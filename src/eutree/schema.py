@@ -15,7 +15,7 @@ from typing import Any
 from eutree.display import decimals_of, number, told_apart, usual_width
 from eutree.errors import InvalidArgumentError, UnknownNameError, shown
 from eutree.formulas import declared, in_formula, parse, renamed
-from eutree.validation import check_integer, check_listed
+from eutree.validation import check_integer, check_kind, check_listed
 
 MAX_FEATURES = 10_000  # the past included
 MAX_ACTIONS = 1_000  # learners hold tables of leaves x actions, and C4.5 of actions x cuts
@@ -71,6 +71,7 @@ class Feature:
         return cls(match["name"], match["unit"] or "") if match else cls(label)
 
     def __post_init__(self) -> None:
+        check_kind("name", self.name, str)
         if math.isnan(self.low) or math.isnan(self.high) or self.low > self.high:
             raise InvalidArgumentError(
                 f"feature {self.name!r} must have low <= high, got {self.low} and {self.high}"
@@ -208,6 +209,9 @@ class Schema:
     controls: tuple[Control, ...] = ()
 
     def __post_init__(self) -> None:
+        for name, of in (("features", Feature), ("actions", str), ("controls", Control)):
+            entries = check_listed(name, getattr(self, name))
+            object.__setattr__(self, name, tuple(check_kind(name, one, of) for one in entries))
         controls = [control.name for control in self.controls]
         if len(set(controls)) != len(controls):
             raise InvalidArgumentError(f"schema must have distinct controls, got {controls}")

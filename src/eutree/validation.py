@@ -1,7 +1,7 @@
 """The shared argument checks: each message names the argument, its rule and the value given."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from importlib.metadata import EntryPoint
 from pathlib import Path
@@ -63,6 +63,11 @@ def check_kind(name: str, value: object, kind: type[_Value]) -> _Value:
     )
 
 
+def check_truth(name: str, value: object) -> bool:
+    """Return ``value`` if it is a truth value, NumPy's too, or raise InvalidArgumentError."""
+    return check_kind(name, bool(value) if isinstance(value, np.bool_) else value, bool)
+
+
 def check_function(name: str, value: _Value) -> _Value:
     """Return ``value`` if it can be called, or raise InvalidArgumentError."""
     if not callable(value):
@@ -121,9 +126,27 @@ def check_numbers(name: str, value: ArrayLike, *, ndim: int) -> Floats:
     return array
 
 
-def check_observations(name: str, value: ArrayLike, *, n_features: int | None = None) -> Floats:
-    """Return ``value`` as a C-contiguous float64 array of shape [N, d] with finite values."""
-    array = check_numbers(name, value, ndim=2)
+def in_order(name: str, value: Any, names: Sequence[str]) -> Any:
+    """Return a frame, or a row of one, in the order of ``names``; what names no column as it is."""
+    labels: Any = getattr(value, "columns", None)
+    labels = getattr(value, "index", ()) if labels is None else labels
+    known = set() if callable(labels) else set(labels)
+    if known.isdisjoint(names):
+        return value
+    if known != set(names):
+        raise InvalidArgumentError(f"{name} must have the columns {list(names)}, got {[*labels]}")
+    return value[list(names)]
+
+
+def check_observations(
+    name: str, value: ArrayLike, *, n_features: int | None = None, names: Sequence[str] = ()
+) -> Floats:
+    """Return ``value`` as a C-contiguous float64 array of shape [N, d] with finite values.
+
+    The columns of a frame are taken by name, where ``names`` has those of the d features.
+    """
+    array = check_numbers(name, in_order(name, value, names), ndim=2)
+    n_features = len(names) or n_features
     if n_features is not None and array.shape[1] != n_features:
         raise InvalidArgumentError(f"{name} must have {n_features} columns, got {array.shape[1]}")
     check_finite(name, array)
@@ -164,6 +187,13 @@ def check_actions(name: str, value: ArrayLike, *, size: int | None = None) -> In
     if array.size and array.min() < 0:
         raise InvalidArgumentError(f"{name} must hold integers >= 0, got {array.min()}")
     return np.ascontiguousarray(array, dtype=np.int64)
+
+
+def check_whole(name: str, value: ArrayLike) -> None:
+    """Raise InvalidArgumentError unless all entries are integers, of whatever type."""
+    array = np.asarray(value)
+    if array.dtype.kind not in "iubf" or (array.dtype.kind == "f" and (array % 1 != 0).any()):
+        raise InvalidArgumentError(f"{name} must hold integers, got {shown(value)}")
 
 
 def check_finite(name: str, array: Floats) -> None:

@@ -21,6 +21,8 @@ from eutree.cli.parts import (
 )
 from eutree.cli.record import page_options, record_on_page
 
+_LINE = "eutree_lab.line"  # in click's context
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
@@ -96,6 +98,8 @@ def reproduce(
     check_choice("experiment", experiment, [*EXPERIMENTS, "all", FRAMEWORK])
     unused = ("presets", "domain", "episodes") if experiment == FRAMEWORK else ("methods",)
     refuse(unused, f"{experiment} has no use for it")
+    if smoke:
+        refuse(("runs", "episodes"), "--smoke has as many as it needs")
     if experiment == FRAMEWORK:
         runs = SMOKE_RUNS if smoke else runs
         wanted = specs(runs=runs, methods=methods or TAUGHT, first_seed=seed, smoke=smoke)
@@ -164,7 +168,16 @@ def study() -> None:
     """A study with people: lead each one through it, and make the table of all."""
 
 
-@study.command(epilog="Example: eutree study lead people/ eutree/Evasion2-v0")
+class _KeepsItsLine(click.Command):
+    """A command that knows the words it was called with."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Read the arguments."""
+        ctx.meta[_LINE] = [*args]
+        return super().parse_args(ctx, args)
+
+
+@study.command(cls=_KeepsItsLine, epilog="Example: eutree study lead people/ eutree/Evasion2-v0")
 @click.argument("folder", type=click.Path(path_type=Path))
 @click.argument("environment")
 @click.option("--person", metavar="CODE", help="Go on with this person.")
@@ -197,7 +210,11 @@ def lead(
     env, pace = make(spec, render_mode="rgb_array"), SessionSettings(fps=fps, hud=hud)
     with conduct(folder, spec, env, person=person, keys=keys, pace=pace) as (recorder, tree, guide):
         code = recorder.folder.path.parent.name
-        again = shlex.join(["eutree", "study", "lead", str(folder), environment, "--person", code])
+        line = list(click.get_current_context().meta.get(_LINE, (str(folder), environment)))
+        if person is None:
+            place = line.index(environment) + 1
+            line[place:place] = ["--person", code]
+        again = shlex.join(["eutree", "study", "lead", *line])
         output.say(f"person {code}; if this stops: {again}")
         record_on_page(output, recorder, spec, recorder.folder.path, lead=(tree, guide), **page)
     packed = folder / f"{code}.zip"

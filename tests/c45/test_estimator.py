@@ -15,7 +15,7 @@ from sklearn.preprocessing import StandardScaler  # noqa: E402
 from sklearn.utils.estimator_checks import parametrize_with_checks  # noqa: E402
 
 import eutree  # noqa: E402
-from eutree import C45Classifier  # noqa: E402
+from eutree import C45Classifier, C45Settings  # noqa: E402
 from eutree.errors import InvalidArgumentError  # noqa: E402
 
 
@@ -321,3 +321,18 @@ def test_weights_that_allow_no_split_are_said():
         one = C45Classifier().fit(X, y, sample_weight=np.full(150, 1 / 150))
     assert len(set(one.predict(X))) == 1
     assert C45Classifier().fit(X, y, sample_weight=np.ones(150)).score(X, y) > 0.9
+
+
+def test_a_category_of_integers_may_be_missing():
+    """Beside a column of integers NumPy made an integer of what is missing, too."""
+    pandas = pytest.importorskip("pandas")
+    frame = pandas.DataFrame({"s": pandas.Categorical([1, 2, None, 2] * 10), "x": 0})
+    model = C45Classifier().fit(frame, [0, 1, 0, 1] * 10)
+    assert model.categories_[0].tolist() == [1, 2]
+    assert model.predict(frame[:2]).tolist() == [0, 1]
+
+
+def test_choices_are_truth_values():
+    with pytest.raises(InvalidArgumentError, match="prune must be a bool, got 'no'"):
+        C45Settings(prune="no")
+    assert C45Settings(collapse=np.bool_(False)).collapse == False  # noqa: E712  as NumPy has it

@@ -1,12 +1,13 @@
 """``eutree diff``, ``verify`` and ``why``: texts, JSON, exit codes."""
 
 import json
+from pathlib import Path
 
 import gymnasium
 import numpy as np
 
 from eutree.policies import TreePolicy
-from eutree.schema import Feature, Schema
+from eutree.schema import EnvironmentSpec, Feature, Schema
 from eutree.trees import DecisionTree
 
 
@@ -55,6 +56,30 @@ def test_verify_takes_observations_of_demonstrations_and_of_a_run(
     assert eutree(*asked, "--demos", demonstrations).code == 0
     assert eutree(*asked, "--run", "run").code == 1
     assert eutree(*asked, "--demos", demonstrations, "--run", "run").code == 0
+
+
+def test_a_run_of_another_task_says_nothing_of_a_tree(eutree, monkeypatch):
+    """As many features were enough: leaves of one task were proven alive by another's steps."""
+    tree = DecisionTree.single_leaf(3).split(0, 0, 1.0)
+    for name in ("Pendulum-v1", "eutree/Evasion2-v0"):
+        spec = EnvironmentSpec(name, {})
+        schema = Schema(tuple(Feature(f"{name} {k}") for k in range(3)), ("one", "other"))
+        Path(name[:3]).mkdir()
+        TreePolicy(tree, [1, 0], schema, spec).save(Path(name[:3], "policy.json"))
+    monkeypatch.setattr("eutree.training.stored_observations", lambda _: np.eye(3) * 2)
+    asked = ("verify", "Pen/policy.json", "--property", "no dead leaves", "--run")
+    assert eutree(*asked, "Pen").code == 0
+    refused = eutree(*asked, "eut")
+    assert refused.code == 2
+    assert "eut must be a run of the policy's task Pendulum-v1 (3 features)" in refused.err
+
+
+def test_after_a_rule_leaves_have_other_numbers(eutree, expert):
+    rule = "always stop when position > 29 and opponent_1 <= 0"
+    words = ("with the rules nodes and leaves have other numbers",)
+    line = ("edit", expert, "--enforce", rule, "--out", "e.json", "--episodes", "0", "--json")
+    assert not set(words) & set(eutree(*line).json["changes"])
+    assert set(words) < set(eutree(*line, "--set-action", "0=stop").json["changes"])
 
 
 def test_verify_names_mistakes(eutree, expert):

@@ -12,7 +12,7 @@ import eutree
 from eutree.distillation import DistillationSettings
 from eutree.envs import experts
 from eutree.errors import InvalidArgumentError
-from eutree.interaction import GuardedEnv
+from eutree.interaction import GuardedEnv, episode_seed
 from eutree.interaction.acting import Actor, as_policy
 from eutree.interaction.spaces import decoder, encoder
 from eutree.policies import TreePolicy
@@ -202,6 +202,29 @@ def test_a_batch_is_not_for_a_function_of_one_observation() -> None:
         for policy in (lambda o: np.asarray(o[0] > 0).astype(int), Bare())
     ]
     assert returns[0] == returns[1]
+
+
+def test_a_single_answer_is_no_batch_for_who_takes_a_state() -> None:
+    """Its `predict` takes all arguments of a batch; three episodes of three numbers were one."""
+
+    class Full:
+        def predict(self, observation: Any, state: Any = None, *_: Any, **__: Any) -> Any:
+            return np.asarray(observation[0] > 5).astype(int), state
+
+    env = gymnasium.make("eutree/Evasion2-v0")
+    alone = [eutree.play(Full(), env, seed=episode_seed(0, k)) for k in range(3)]
+    returns = eutree.evaluate(Full(), env, episodes=3, seed=0).returns
+    assert returns.tolist() == [one.undiscounted_return for one in alone]
+
+
+def test_a_function_may_ask_a_tree() -> None:
+    """A tree that is given an environment says what is wrong: that ended the search for a form."""
+    tree = eutree.zoo.load("CartPole-v1:4")
+    env = gymnasium.make("CartPole-v1")
+    both = [eutree.play(one, env, seed=3) for one in (tree, lambda o: tree.predict(o)[0])]
+    assert both[0].actions.tolist() == both[1].actions.tolist()
+    with pytest.raises(InvalidArgumentError, match="Evasion"):
+        eutree.play(experts.wait_at_crossing, env)
 
 
 @pytest.mark.parametrize(

@@ -222,3 +222,31 @@ def test_columns_in_another_order_are_refused(policy, rows):
     np.testing.assert_array_equal(model.predict(frame), policy.predict(rows)[0])
     with pytest.raises(InvalidArgumentError, match="X must have its columns in the order"):
         model.predict(frame[["c", "a", "b"]])
+
+
+def test_a_frame_is_read_by_its_names(policy, rows):
+    """A policy took the columns by place, whatever their names."""
+    pandas = pytest.importorskip("pandas")
+    rows = rows[np.isfinite(rows).all(axis=1)]
+    frame = pandas.DataFrame(rows, columns=list("abc"))
+    named = TreePolicy(policy.tree, policy.actions, Schema(tuple(map(Feature, "abc")), ("x", "y")))
+    turned = frame[["c", "a", "b"]]
+    wanted = named.predict(rows)[0]
+    np.testing.assert_array_equal(named.predict(turned)[0], wanted)
+    assert [named.predict(row)[0] for _, row in turned.iterrows()] == wanted.tolist()
+    one, report = eutree.compress(named, turned, mode="lossless")
+    assert report.agreement == 1.0
+    np.testing.assert_array_equal(one.predict(rows)[0], wanted)
+    np.testing.assert_array_equal(named.predict(frame.rename(columns=str.upper))[0], wanted)
+    for strange in (frame.rename(columns={"a": "d"}), frame[["a", "b"]]):
+        with pytest.raises(InvalidArgumentError, match="observation must have the columns"):
+            named.predict(strange)
+    with pytest.raises(InvalidArgumentError, match="X must have its columns in the order"):
+        TreePolicyClassifier(named).predict(frame.rename(columns={"a": "d"}))
+
+
+def test_it_takes_weights_and_names_its_columns(policy, rows):
+    model = TreePolicyClassifier(policy)
+    labels = model.predict(rows)
+    assert model.fit(rows, labels, sample_weight=np.ones(len(rows))) is model
+    assert model.feature_names_in_.tolist() == list(policy.schema.feature_names)

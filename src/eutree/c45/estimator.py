@@ -1,6 +1,5 @@
 """C4.5 as a scikit-learn estimator; needs the extra ``sklearn``."""
 
-import warnings
 from collections.abc import Iterable, Sequence
 from html import escape
 from typing import Any, Literal
@@ -9,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from eutree.arrays import Booleans, Floats, Int32s, Integers
-from eutree.c45.growing import C45Settings, Dialect, grow
+from eutree.c45.growing import C45Settings, Dialect, grow, warn_of_light
 from eutree.c45.tree import C45Names, C45Tree, to_text
 from eutree.display import framed
 from eutree.errors import InvalidArgumentError, UnknownNameError, needed
@@ -244,11 +243,7 @@ class C45Classifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # sk
         )
         if self.class_weight is not None:
             weights = weights * compute_sample_weight(self.class_weight, y)
-        if weights.sum() < 2 * self.min_objects <= len(weights):
-            warnings.warn(
-                f"the weights add up to {weights.sum():g}: no test has two branches of min_objects "
-                f"{self.min_objects:g}, so the tree is one leaf", stacklevel=2,
-            )  # fmt: skip
+        warn_of_light(weights, self.min_objects)
         self.tree_ = grow(
             rows,
             actions,
@@ -344,12 +339,14 @@ class C45Classifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # sk
         else:
             nominal = np.array([values is not None for values in self.categories_])
         extra: dict[str, Any] = {"y": y} if fitting else {"reset": False}
+        given = X
         if nominal.any():
             checks = {"dtype": object, "ensure_all_finite": False}
+            given = X.astype(object) if hasattr(X, "astype") else X  # or NumPy makes numbers of it
         else:
             checks = {"dtype": np.float64, "ensure_all_finite": "allow-nan", "order": "C"}
         try:
-            checked = validate_data(self, X, **extra, **checks)
+            checked = validate_data(self, given, **extra, **checks)
         except ValueError as error:
             if "could not convert string" not in str(error):
                 raise

@@ -3,6 +3,7 @@
 Each attribute is sorted once; a level costs O(d n) however many nodes it has.
 """
 
+import warnings
 from dataclasses import dataclass, field, replace
 from statistics import NormalDist
 from typing import Literal
@@ -22,6 +23,7 @@ from eutree.validation import (
     check_integer,
     check_number,
     check_numbers,
+    check_truth,
     check_vector,
 )
 
@@ -67,6 +69,8 @@ class C45Settings:
         check_number("confidence", self.confidence, low=0, high=1)
         check_number("gap", self.gap, low=0)
         check_choice("z", self.z, ("table", "normal"))
+        for name in ("prune", "collapse", "subtree_raising"):
+            check_truth(name, getattr(self, name))
 
     @classmethod
     def lossless(cls) -> "C45Settings":
@@ -383,6 +387,15 @@ def _compact(nodes: Nodes) -> Nodes:
 MOST_CLASSES = 2**15 - 1
 
 _DEFAULT = C45Settings()
+
+
+def warn_of_light(weights: Floats, least: float) -> None:
+    """Warn of rows that weigh too little for a test with two branches, but are enough."""
+    if weights.sum() < 2 * least <= len(weights):
+        warnings.warn(
+            f"the weights add up to {weights.sum():g}: no test has two branches of min_objects "
+            f"{least:g}, so the tree is one leaf", stacklevel=3,
+        )  # fmt: skip
 
 
 def grow(

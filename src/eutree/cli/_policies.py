@@ -78,6 +78,22 @@ def seen_in(demos: Path, policy: "TreePolicy") -> "Floats":
     return recorded.with_history(policy.history, policy.past_actions).observations
 
 
+def seen_in_run(run: Path, policy: "TreePolicy") -> "Floats":
+    """Return the features before each decision that the learner of a run stored, [N, d]."""
+    from eutree.training import stored_observations
+
+    if (run / "policy.json").exists():
+        pair = load_policy(run), policy
+        here, there = (of.environment.id if of.environment else "" for of in pair)
+        one, other = (of.schema.feature_names[: of.derivation.n_measured] for of in pair)
+        if len(one) != len(other) or (here and there and here != there and one != other):
+            raise InvalidArgumentError(
+                f"{run} must be a run of the policy's task {there} ({len(other)} features), got "
+                f"{here} ({len(one)} features)"
+            )
+    return policy.derivation.behind(stored_observations(run))
+
+
 def renamed(policy: "TreePolicy", names: "Names") -> "TreePolicy":
     """Return a policy with these names; those of the past follow."""
     from eutree.schema import Schema

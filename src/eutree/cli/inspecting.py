@@ -19,6 +19,7 @@ from eutree.cli._policies import (
     policy_file,
     renamed,
     seen_in,
+    seen_in_run,
 )
 from eutree.display import fixed
 from eutree.errors import InvalidArgumentError, UnknownNameError, shown
@@ -134,12 +135,10 @@ def verify(
 
     The exit code is 0 if all are proven, 1 if one is refuted.
     """
-    from eutree.training import stored_observations
-
     loaded = load_policy(policy)
     parts = [] if demos is None else [seen_in(demos, loaded)]
     if run_folder is not None:
-        parts.append(loaded.derivation.behind(stored_observations(run_folder)))
+        parts.append(seen_in_run(run_folder, loaded))
     rows = np.concatenate(parts) if parts else None
     answers = [
         verify_policy(loaded, question, observations=rows, everywhere=everywhere)
@@ -225,7 +224,9 @@ def edit(
         edited = replace(edited, policy=named, changes=(*edited.changes, words))
     if rules:
         ruled = enforce(edited.policy, rules)
-        edited = replace(ruled, changes=edited.changes + ruled.changes, warnings=edited.warnings)
+        anew = ["with the rules nodes and leaves have other numbers"] * bool(edited.changes)
+        changes = (*edited.changes, *anew, *ruled.changes)
+        edited = replace(ruled, changes=changes, warnings=edited.warnings)
     if edited.changes and out is None:
         raise InvalidArgumentError("--out must name the file to write, got none")
     if out is not None:
@@ -262,10 +263,12 @@ def edit(
 
 
 def _pairs(what: str, texts: tuple[str, ...]) -> list[tuple[int, str]]:
-    pairs = []
+    pairs: list[tuple[int, str]] = []
     for text in texts:
         number, equals, value = text.partition("=")
         if not equals or not _NUMBER.fullmatch(number.strip()):
             raise InvalidArgumentError(f"--set-{what} must be NUMBER=VALUE, got {shown(text)}")
+        if int(number) in dict(pairs):
+            raise InvalidArgumentError(f"--set-{what} must name {number.strip()} once, got {texts}")
         pairs.append((int(number), value))
     return pairs

@@ -61,7 +61,9 @@ def show(
 
     The page plays episodes of the policy with pictures where its environment can draw them.
     """
+    of_page = ("demos", "certificate", "env_arguments")
     if run_html is not None:
+        option.refuse(of_page, "--run-html shows what a run has stored")
         from eutree.report import report_of_run, run_page
 
         if html is not None:
@@ -82,6 +84,7 @@ def show(
         "rules": str(loaded),
     }
     if html is None:
+        option.refuse(of_page, "only a page has a use for it, --html")
         return Result(values, drawn(loaded))
     from eutree.interaction.making import make
     from eutree.proof import load_certificate

@@ -124,7 +124,7 @@ def compress(
     real = env if env is None or isinstance(env, RealEpisodes) else RealEpisodes(env, searches=True)
     margin = None if real is None else real.margin
     _check_demands(policy, mode, max_disagreement, margin, max_leaves, imagined)
-    rows = check_observations("observations", observations, n_features=policy.tree.n_features)
+    rows = check_observations("observations", observations, names=policy.schema.feature_names)
     steps = steps_of(round_thresholds, policy.schema)
     shortened = round_thresholds is not False
 
@@ -385,7 +385,7 @@ def compress_monotone(
     ]
     if kept:
         best = max(kept, key=lambda one: (one.mean_return, -one.policy.n_leaves))
-        rows = check_observations("observations", observations, n_features=policy.tree.n_features)
+        rows = check_observations("observations", observations, names=policy.schema.feature_names)
         costs = Costs.of(policy, rows, "visits")
         return best.policy, report_on(
             policy, best.policy, "monotone", costs, front=report.front, by=report.by

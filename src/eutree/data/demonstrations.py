@@ -326,6 +326,7 @@ def check_shown(demonstrations: Demonstrations) -> None:
             "demonstrations must hold at least one transition, got "
             f"{len(demonstrations)} episodes without a step"
         )
+    check_finite("observations", demonstrations.observations)
 
 
 def weights_in(demonstrations: Demonstrations) -> Floats:

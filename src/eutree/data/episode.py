@@ -16,10 +16,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from eutree.arrays import Booleans, Floats, Frozen, Integers, freeze, frozen
 from eutree.display import counted
-from eutree.errors import InvalidArgumentError
+from eutree.errors import InvalidArgumentError, shown
 from eutree.features import FeatureMap
 from eutree.schema import Schema
-from eutree.validation import check_actions, check_observations, check_vector
+from eutree.validation import (
+    check_actions,
+    check_integer,
+    check_kind,
+    check_observations,
+    check_truth,
+    check_vector,
+    check_whole,
+)
 
 SPOILT = 2  # steps before a person stepped in, or before a failure, that nobody approved
 ALLOWED = "allowed"  # of ``steps``: which actions were allowed, [T, A]
@@ -92,6 +100,7 @@ class Episode(Frozen):
 
     def __post_init__(self) -> None:
         freeze(self, "observations", "rewards", dtype=np.float64)
+        check_whole("actions", self.actions)
         freeze(self, "actions", dtype=np.int64)
         if self.observations.ndim != 2 or self.actions.ndim != 1 or self.rewards.ndim != 1:
             raise InvalidArgumentError(
@@ -107,7 +116,12 @@ class Episode(Frozen):
             raise InvalidArgumentError(
                 f"expected as many rewards as actions: {len(self.rewards)} != {len(self.actions)}"
             )
+        self._check_facts()
         steps = {name: frozen(np.asarray(array)) for name, array in self.steps.items()}
+        if (masks := steps.get(ALLOWED)) is not None and masks.dtype != bool:
+            if not np.isin(masks, (0, 1)).all():
+                raise InvalidArgumentError(f"steps['allowed'] must be 0 or 1, got {shown(masks)}")
+            steps[ALLOWED] = frozen(masks.astype(bool))
         for name, array in steps.items():
             if array.ndim < 1 or len(array) != len(self.actions):
                 raise InvalidArgumentError(
@@ -120,6 +134,17 @@ class Episode(Frozen):
             raise InvalidArgumentError("an episode must not be both terminated and truncated")
         if not self.has_rewards and self.rewards.any():
             raise InvalidArgumentError("an episode without rewards must have zeros in their place")
+
+    def _check_facts(self) -> None:
+        """Make NumPy's truth values and integers Python's, which a file holds; refuse others."""
+        for name in ("terminated", "truncated", "kept", "has_rewards", "is_success"):
+            value = getattr(self, name)
+            if value is not None or name != "is_success":
+                object.__setattr__(self, name, check_truth(name, value))
+        for name in ("ending", "comment"):
+            object.__setattr__(self, name, str(check_kind(name, getattr(self, name), str)))
+        if self.seed is not None:
+            object.__setattr__(self, "seed", check_integer("seed", self.seed))
 
     def __repr__(self) -> str:
         """Return a summary in one line."""

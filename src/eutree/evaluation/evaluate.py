@@ -75,6 +75,8 @@ def run_batch(policy: Policy, vector: Any, seeds: Sequence[int]) -> Evaluation |
 def _first_actions(policy: Policy, observations: Floats) -> tuple[Integers, Any] | None:
     """Return the policy's first decisions, or None if it takes single observations only."""
     starts = np.ones(len(observations), dtype=bool)
+    if observations.shape[0] == observations.shape[1]:  # an answer's shape would tell nothing
+        return None
     try:
         actions, state = policy.predict(
             observations, state=None, episode_start=starts, deterministic=True

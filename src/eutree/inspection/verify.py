@@ -293,7 +293,7 @@ def _dead(policy: TreePolicy, observations: ArrayLike | None) -> _Part:
             "dead leaves need recorded observations (--demos or --run; observations in Python), "
             "got none"
         )
-    rows = check_observations("observations", observations, n_features=policy.tree.n_features)
+    rows = check_observations("observations", observations, names=policy.schema.feature_names)
     reached = np.bincount(policy.tree.leaf_index(rows), minlength=policy.n_leaves) > 0
     whole = domain(policy.schema)
 

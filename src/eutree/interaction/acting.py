@@ -8,6 +8,7 @@ Its ``predict`` may take the observation alone, and return the action alone.
 
 import inspect
 from collections.abc import Callable
+from copy import deepcopy
 from typing import Any, cast
 
 import gymnasium
@@ -162,7 +163,9 @@ def as_policy(controller: Controller, env: gymnasium.Env[Any, Any] | None) -> Po
         of_nothing = isinstance(controller, type) and not _wants_something(controller)
         policy = controller(*(() if of_nothing else (env,)))
     except EutreeError:
-        raise
+        if isinstance(controller, type) or not _takes_observations(controller, env):
+            raise
+        return cast(Policy, FunctionPolicy(controller))
     except Exception as error:  # a function of an observation may do anything with an environment
         if isinstance(controller, type):
             raise InvalidArgumentError(
@@ -186,6 +189,15 @@ def trained_steps(controller: object) -> int | None:
     """Return the environment steps of a controller's training, if it counts them, as SB3 does."""
     own = getattr(controller, "num_timesteps", None)
     return own if isinstance(own, int) and own >= 0 else None
+
+
+def _takes_observations(function: Callable[..., Any], env: gymnasium.Env[Any, Any] | None) -> bool:
+    """Return whether a function has an action for an observation that could be."""
+    space = deepcopy(env and env.observation_space)
+    try:
+        return _is_answer(function(space.sample()))  # type: ignore[union-attr]  # None: it does not
+    except Exception:
+        return False
 
 
 def _is_answer(value: Any) -> bool:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from eutree.arrays import Floats
-from eutree.c45 import C45Settings, grow
+from eutree.c45 import C45Settings, grow, warn_of_light
 from eutree.data import Demonstrations, Episode
 from eutree.data.demonstrations import check_shown, lessons, taught_in, weights_in
 from eutree.data.episode import CUT, allowed_in
@@ -54,14 +54,15 @@ def fit_expert_tree(
     observations, actions_taught = lessons(demonstrations)
     if not len(actions_taught):
         raise InvalidArgumentError("demonstrations must not be cut altogether: nothing is left")
-    if weights is None:
-        weights = weights_in(demonstrations)
-    weights = check_vector("weights", weights, size=demonstrations.n_transitions)
+    given = weights_in(demonstrations) if weights is None else weights
+    weighed = check_vector("weights", given, size=demonstrations.n_transitions)
+    if weights is not None:
+        warn_of_light(weighed, check_kind("settings", settings, C45Settings).min_objects)
     grown = grow(
         observations,
         actions_taught,
         n_classes=demonstrations.schema.n_actions,
-        weights=weights[taught_in(demonstrations) != CUT],
+        weights=weighed[taught_in(demonstrations) != CUT],
         settings=check_kind("settings", settings, C45Settings),
     )
     tree, actions = grown.to_decision_tree()

@@ -37,6 +37,7 @@ class TreePolicyClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc
     Attributes:
         classes_: The classes, sorted: all actions of the policy's schema.
         n_features_in_: Number of columns.
+        feature_names_in_: Their names.
 
     >>> import numpy as np
     >>> from eutree import Schema, TreePolicy, TreePolicyClassifier, DecisionTree
@@ -71,12 +72,23 @@ class TreePolicyClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc
         """Number of columns."""
         return self._policy().tree.n_features
 
-    def fit(self, X: ArrayLike | None = None, y: ArrayLike | None = None) -> "TreePolicyClassifier":
+    @property
+    def feature_names_in_(self) -> NDArray[Any]:
+        """Names of the columns."""
+        return np.array(self._policy().schema.feature_names, dtype=object)
+
+    def fit(
+        self,
+        X: ArrayLike | None = None,
+        y: ArrayLike | None = None,
+        sample_weight: ArrayLike | None = None,
+    ) -> "TreePolicyClassifier":
         """Learn nothing; check that the policy fits the data, if any is given.
 
         Args:
             X: Shape [N, d].
             y: Classes, shape [N].
+            sample_weight: Not used.
 
         Raises:
             InvalidArgumentError: ``y`` holds a value that is no action of the policy.
@@ -155,7 +167,7 @@ class TreePolicyClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc
         result = DecisionTreeClassifier()
         result.tree_ = grown
         result.n_features_in_ = tree.n_features
-        result.feature_names_in_ = np.array(schema.feature_names, dtype=object)
+        result.feature_names_in_ = self.feature_names_in_
         result.classes_ = self.classes_
         result.n_classes_ = schema.n_actions
         result.n_outputs_ = 1
@@ -192,7 +204,7 @@ class TreePolicyClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc
 
     def _rows(self, X: ArrayLike) -> Floats:
         given, names = list(getattr(X, "columns", ())), list(self._policy().schema.feature_names)
-        if given != names and set(given) == set(names):
+        if given != names and set(given) & set(names):
             raise InvalidArgumentError(f"X must have its columns in the order {names}, got {given}")
         rows: Floats = check_array(X, dtype=np.float64, ensure_all_finite=False, order="C")
         _check_n_features(self, rows, reset=False)

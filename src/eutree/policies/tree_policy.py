@@ -24,7 +24,7 @@ from eutree.policies.leaf_statistics import LeafStatistics, check_masks, orders_
 from eutree.schema import EnvironmentSpec, Schema
 from eutree.trees import DecisionTree
 from eutree.trees.text import definitions, printable, rules
-from eutree.validation import check_integer, check_kind
+from eutree.validation import check_integer, check_kind, check_whole, in_order
 
 _KINDS = {"tree": DecisionTree, "schema": Schema, "environment": EnvironmentSpec, "masked": bool}
 
@@ -40,7 +40,7 @@ def rows_of(observation: Any, names: Sequence[str]) -> Floats:
     Raises:
         InvalidArgumentError: It is none of these.
     """
-    size = len(names)
+    size, observation = len(names), in_order("observation", observation, names)
     if not isinstance(observation, Mapping):
         try:
             array = np.asarray(observation, dtype=np.float64)
@@ -153,7 +153,9 @@ class TreePolicy(Displayed, Frozen):
         for one in fields(self):
             if one.name in _KINDS and getattr(self, one.name) is not one.default:
                 check_kind(one.name, getattr(self, one.name), _KINDS[one.name])
+        check_whole("actions", self.actions)
         freeze(self, "actions", dtype=np.int64)
+        object.__setattr__(self, "locked", tuple(self.locked))
         if self.actions.shape != (self.tree.n_leaves,):
             raise InvalidArgumentError(
                 f"actions must have one entry for each of the {self.tree.n_leaves} leaves, "

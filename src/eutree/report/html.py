@@ -144,7 +144,7 @@ def changed_leaves(
         observations: Recorded observations, shape [N, d], in the features of both trees.
     """
     before.schema.check_same(after.schema, "the later policy", of="the earlier")
-    rows = check_observations("observations", observations, n_features=after.tree.n_features)
+    rows = check_observations("observations", observations, names=after.schema.feature_names)
     earlier = before.actions[before.tree.leaf_index(rows)]
     leaves = after.tree.leaf_index(rows)
     found = {}
