@@ -61,6 +61,19 @@ def test_a_run_goes_on_with_them(eutree):
     assert TreePolicy.load("run/policy.json").schema == learned.schema
 
 
+def test_a_run_goes_on_with_no_others(eutree):
+    """The stored steps had a column of products and sums, which one name was given to."""
+    line = ["learn", "CartPole-v1", "--episodes", 2, "--judge-episodes", 0, "--front-steps", 0,
+            "--method", "u-tree", "--out", "run"]  # fmt: skip
+    assert eutree(*line, "--derive", "both = angle * position").code == 0
+    again = ["learn", "--out", "run", "--resume", "--episodes", 4]
+    refused = eutree(*again, "--derive", "both = angle + position")
+    assert refused.code == 2
+    assert "the run was started with names" in refused.err
+    assert "both = angle * position" in refused.err
+    assert eutree(*again).code == 0
+
+
 def test_a_mistake_is_one_line(eutree):
     line = ["record", "CartPole-v1", "--expert", "fall", "--out", "raw"]
     answer = eutree(*line, "--derive", "lean = angel / position")

@@ -8,6 +8,8 @@ from pathlib import Path
 import gymnasium
 import pytest
 
+from eutree.cli.learn import _saying_how_to_go_on
+from eutree.training.listeners import StopRequest
 from tests.interaction.sick import Healthy, WordlessError
 
 LEARN = ("learn", "Strange-v0", "--method", "paper", "--evaluation-episodes", 2, "--episodes", 6,
@@ -128,6 +130,18 @@ def test_whatever_an_environment_raises_costs_one_episode(
         assert (tmp_path / "run" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
     lines = (tmp_path / "run" / "progress.csv").read_text().splitlines()
     assert len(lines) >= 2
+
+
+def test_what_a_signal_breaks_elsewhere_is_an_interruption(tmp_path, capsys):
+    """Ctrl-C ended processes that were about to begin, which was an internal error."""
+    stop = StopRequest()
+    with pytest.raises(RuntimeError), _saying_how_to_go_on(stop, tmp_path):
+        raise RuntimeError
+    stop.signal = 2
+    with pytest.raises(SystemExit) as ended, _saying_how_to_go_on(stop, tmp_path):
+        raise RuntimeError
+    assert ended.value.code == 130
+    assert "stopped before anything was learned" in capsys.readouterr().err
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ import pytest
 
 import eutree
 from eutree.compression import RealEpisodes
-from eutree.compression.playing import CommonEpisodes, Ground
+from eutree.compression.playing import CommonEpisodes, Ground, Outcome
 from eutree.compression.searching import FrontSearch
 from eutree.data import derive
 from eutree.interaction.making import Recipe
@@ -47,6 +47,26 @@ def test_what_is_not_run_again_would_have_been_the_same(seed):
         assert (common.outcome.returns == outcome.returns).all()
         assert (common.outcome.successes == outcome.successes).all()
     assert common.ground.steps > steps
+
+
+class SaysSuccess(gymnasium.Wrapper):
+    """Reports success where there is one, and nothing where there is none."""
+
+    def step(self, action):
+        observation, reward, terminated, truncated, info = super().step(action)
+        if not info.get("is_success"):
+            info.pop("is_success", None)
+        return observation, reward, terminated, truncated, info
+
+
+def test_who_says_nothing_of_failures_has_no_share_of_successes():
+    """All that a challenger failed counted as the successes of the present tree: 100 %."""
+    common, _ = outcomes(Ground(SaysSuccess(EVASION), 0), evasive(1), [])
+    returns = common.outcome.returns
+    common.outcome = Outcome(returns, np.ones(returns.size, dtype=bool))
+    alike, other = common.outcomes([evasive(1), evasive(2)])
+    assert alike.successes.all()
+    assert other.successes is None
 
 
 def test_a_challenger_that_decides_alike_costs_no_step():

@@ -62,6 +62,17 @@ def test_a_policy_that_succeeds_less_is_noted_and_not_kept() -> None:
     assert [(one["successes"], one["successes_refused"]) for one in refused] == [(2, 1)]
 
 
+def test_success_is_compared_in_as_many_episodes() -> None:
+    """One of one was no better than one of four: a run that was longer took a worse policy."""
+    state, evaluator = RunState(), Evaluator()
+    found = Evaluations(replace(PLAN, keep_success=True), state)
+    found.kept = policy_of(2), 1  # of the one episode that a shorter run could afford
+    found.add(policy_of(1), arena_of(evaluator))
+    assert found.kept[0].actions.tolist() == [2]
+    refused = [event for event in state.events if event["event"] == "kept"]
+    assert [(one["successes"], one["successes_refused"]) for one in refused] == [(2, 1)]
+
+
 def test_success_cannot_be_kept_where_none_is_reported() -> None:
     found = Evaluations(replace(PLAN, keep_success=True), RunState())
     with pytest.raises(InvalidArgumentError, match="keep_success needs an environment"):

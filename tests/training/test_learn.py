@@ -255,11 +255,28 @@ def test_a_run_folder_refuses_a_second_run_and_another_start(env, demonstrations
 @pytest.mark.parametrize("start", ["tree+demos", "nothing"])
 def test_a_finished_run_can_be_made_longer(env, demonstrations, tmp_path, start):
     """The front of the shorter run is no front of the longer one."""
-    options = {"evaluation_episodes": 5, "evaluate_every": 20, "front_steps": 5000}
+    options = {"evaluation_episodes": 5, "evaluate_every": 20, "front_steps": 20_000}
     options |= {} if start == "nothing" else {"demonstrations": demonstrations}
     eutree.learn(env, out=tmp_path / "a", episodes=20, **options)
     longer = eutree.learn(env, out=tmp_path / "a", resume=True, episodes=40, **options)
     assert same(longer, eutree.learn(env, episodes=40, **options))
+
+
+def test_a_longer_run_that_is_stopped_has_no_verdict_of_the_shorter_one(
+    env, demonstrations, tmp_path
+):
+    options = {"demonstrations": demonstrations, "out": tmp_path / "a", "front_steps": 20_000}
+    short = eutree.learn(env, episodes=20, **options)
+    assert short.against_start is not None
+    assert len(short.front) > 1
+    steps = iter(range(10_000))
+    longer = eutree.learn(env, episodes=60, resume=True, stop=lambda: next(steps) > 200, **options)
+    assert 20 < longer.episodes < 60
+    assert (longer.against_start, longer.front, longer.picked) == (None, (), None)
+    assert longer.policy == longer.learned
+    assert not (tmp_path / "a" / "front").exists()
+    assert not (tmp_path / "a" / "front.csv").exists()
+    assert not (tmp_path / "a" / "learned.json").exists()
 
 
 @pytest.mark.promise(11)

@@ -249,7 +249,9 @@ def _saying_how_to_go_on(stop: "StopRequest", out: Path) -> Iterator[None]:
     except EnvironmentFault:
         _say_how_to_go_on(out)
         raise
-    except KeyboardInterrupt:
+    except (Exception, KeyboardInterrupt) as error:
+        if not (isinstance(error, KeyboardInterrupt) or stop()):  # it may end other processes first
+            raise
         stop.no_more()
         if not _say_how_to_go_on(out):
             say("stopped before anything was learned")

@@ -305,6 +305,8 @@ class CommonEpisodes(PairedEpisodes):
                 one.returns[episodes[mine]] = played.returns[mine]
                 if one.successes is not None and played.successes is not None:
                     one.successes[episodes[mine]] = played.successes[mine]
+                elif mine.any():  # an episode said nothing: how many succeed is not known
+                    found[number] = Outcome(one.returns, None)
         return found
 
     def _departs(self, challenger: TreePolicy, n: int) -> Integers:

@@ -133,14 +133,14 @@ def restore_checkpoint(path: Path, run: Run) -> None:
         run.evaluations.curve = msgspec.convert(rows, list[CurvePoint])
     with blamed(path, f"{_EVENTS}: a judgement", _MISREAD):
         judged = [Judgement.from_facts(one) for one in events if one["event"] == "judgement"]
-    run.evaluations.judgement = judged[-1] if judged else None
+    run.evaluations.judgement = judged[-1] if judged and run.at.judged else None
     run.state.events, run.gathered = events, gathered
     if document.kept is not None:
         run.evaluations.kept = document.kept.policy.policy(path), document.kept.successes
     run.evaluations.played.counts = dict(document.played)
     run.evaluations.counts = dict(document.played)
     run.evaluations.earlier = [one.policy(path) for one in document.earlier]
-    if document.front is not None:
+    if document.front is not None and run.at.fronted:
         run.evaluations.picked = document.front.picked.policy(path)
         trees = [one.policy(path) for one in document.front.trees]
         with blamed(path, f"{_EVENTS}: a front", _MISREAD):

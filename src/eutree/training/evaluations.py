@@ -179,6 +179,10 @@ class Evaluations:
         self.picked: TreePolicy | None = None
         self.judgement: Judgement | None = None
 
+    def begin_again(self) -> None:
+        """Forget how the run ended that is now made longer."""
+        self.front, self.picked, self.judgement = (), None, None
+
     def add(self, policy: TreePolicy, arena: Arena) -> None:
         """Evaluate the learned policy: one more point of the curve."""
         state, steps = self._state, self.played.steps
@@ -217,7 +221,6 @@ class Evaluations:
 
         plan, handover, at, state = self._plan, self._handover, self._state.at, self._state
         state.whole = True
-        self.front, self.picked = (), None  # of a run that was made longer
         ground = arena.ground(plan.seed)
         steps = handover.steps_of_front(at.steps, side_by_side=ground.side_by_side)
         if plan.is_dear and handover.front_steps is None:
@@ -371,10 +374,14 @@ class Evaluations:
             raise InvalidArgumentError(
                 "keep_success needs an environment that reports success (info['is_success'])"
             )
-        if self.kept is not None and count < self.kept[1]:
-            refused = {"successes": self.kept[1], "successes_refused": count}
-            self._state.note("kept", refused)
-            return self.kept[0], self._evaluated(self.kept[0], Stream.EVALUATION, arena)
+        if self.kept is not None:
+            before = self._evaluated(self.kept[0], Stream.EVALUATION, arena)
+            both = range(min(before.episodes, evaluation.episodes))  # the clock may allow for fewer
+            pair = [one.of_episodes(both).successes for one in (before, evaluation)]
+            kept, found = (0 if one is None else int(one.sum()) for one in pair)
+            if found < kept:
+                self._state.note("kept", {"successes": kept, "successes_refused": found})
+                return self.kept[0], before
         self.kept = policy, count
         return policy, evaluation
 

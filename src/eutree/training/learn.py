@@ -223,7 +223,8 @@ def _config(
     starts: str,
 ) -> ConfigDocument:
     """Return how a run was started, as its folder keeps it."""
-    plan, handover = run.plan, asked.handover
+    plan, handover, schema = run.plan, asked.handover, run.beginning.problem.schema
+    named = (" = ".join(filter(None, (one.name, one.formula))) for one in schema.features)
     return ConfigDocument(
         environment=environment,
         method=method,
@@ -246,6 +247,7 @@ def _config(
         front_steps=handover.front_steps,
         starts=starts,
         monotone=plan.monotone,
+        names=(*named, *schema.actions),
     )
 
 

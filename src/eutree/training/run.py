@@ -163,7 +163,7 @@ class Run:
         judgement = self.evaluations.judgement
         if self.at.judged and judgement is not None and judgement.handed_over == START:
             return self.first
-        return (self.at.fronted and self.evaluations.picked) or self.learned()
+        return self.evaluations.picked or self.learned()
 
     def learned(self) -> TreePolicy:
         """Return the present policy, frozen."""
@@ -255,6 +255,8 @@ class Run:
             number=self.at.episode,
             room=self.plan.room(self.at),
         )
+        if not self.at.judged:
+            self.evaluations.begin_again()
 
     def _update(self) -> None:
         """Let the learner learn from its history, and note the splits that it made."""

@@ -46,6 +46,7 @@ from eutree.training.checkpoint import (
     write_checkpoint,
 )
 from eutree.training.progress import progress_to_csv
+from eutree.training.proposals import identity
 from eutree.training.run import Run
 
 _FRONT = ("tree", "n_leaves", "mean_return", "return_low", "return_high", "success_rate",
@@ -85,6 +86,7 @@ class ConfigDocument(Document, frozen=True, kw_only=True):
     front_steps: int | None = None
     starts: str = ""
     monotone: tuple[str, ...] = ()
+    names: tuple[str, ...] = ()  # of features, with the formulas of derived ones, and actions
 
 
 def started(out: str | Path) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -215,12 +217,11 @@ class RunFolder:
         """Write the policy that is handed over; beside it the learned one where it is another."""
         policy.save(self.path / "policy.json")
         beside = self.path / "learned.json"
-        if learned is not policy:
+        if identity(learned) != identity(policy):
             learned.save(beside)
         else:
             beside.unlink(missing_ok=True)
-        if front:
-            _save_front(self.path, front, picked)
+        _save_front(self.path, front, picked)
 
     def _open(self, config: ConfigDocument, kind: type[Method], *, resume: bool) -> None:
         remove_orphans(self.path)
@@ -250,8 +251,11 @@ def names_of(front: Sequence[FrontEntry]) -> list[str]:
 
 
 def _save_front(folder: Path, front: Sequence[FrontEntry], picked: TreePolicy | None) -> None:
-    """Write the trees of a front, and the table of their returns."""
+    """Write the trees of a front, if there is one, and the table of their returns."""
     shutil.rmtree(folder / "front", ignore_errors=True)  # of a run that is longer now
+    (folder / "front.csv").unlink(missing_ok=True)
+    if not front:
+        return
     make_folder(folder / "front")
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
@@ -272,6 +276,7 @@ def _check_same(
 ) -> None:
     """Raise RunFolderError unless the run was started as it is resumed; its length may differ."""
     proportion = [name for name in _EVALUATION if getattr(found, name) is None]
+    proportion += ["names"] * (not found.names)  # of earlier releases
     free = ("format", "version", "made_by", "method", *_LENGTH, *proportion)
     names = [name for name in ConfigDocument.__struct_fields__ if name not in free]
     pairs = {name: (repr(getattr(found, name)), repr(getattr(wanted, name))) for name in names}
