@@ -40,7 +40,9 @@ def rows_of(observation: Any, names: Sequence[str]) -> Floats:
     Raises:
         InvalidArgumentError: It is none of these.
     """
-    size, observation = len(names), in_order("observation", observation, names)
+    size = len(names)
+    if not isinstance(observation, np.ndarray):  # which names nothing, and is what mostly comes
+        observation = in_order("observation", observation, names)
     if not isinstance(observation, Mapping):
         try:
             array = np.asarray(observation, dtype=np.float64)

@@ -275,9 +275,9 @@ def _check_same(
     path: Path, found: ConfigDocument, wanted: ConfigDocument, kind: type[Method]
 ) -> None:
     """Raise RunFolderError unless the run was started as it is resumed; its length may differ."""
-    proportion = [name for name in _EVALUATION if getattr(found, name) is None]
-    proportion += ["names"] * (not found.names)  # of earlier releases
-    free = ("format", "version", "made_by", "method", *_LENGTH, *proportion)
+    unsaid = [name for name in _EVALUATION if getattr(found, name) is None]
+    unsaid += ["names"] * (not found.names)  # of earlier releases
+    free = ("format", "version", "made_by", "method", *_LENGTH, *unsaid)
     names = [name for name in ConfigDocument.__struct_fields__ if name not in free]
     pairs = {name: (repr(getattr(found, name)), repr(getattr(wanted, name))) for name in names}
     pairs |= _choices(_method(path, found, kind), wanted.method)
