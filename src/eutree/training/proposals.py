@@ -375,7 +375,7 @@ class Proposals:
         """Return how far a model's mean return from the start of each episode is from the real."""
         tree, missed = from_decision_tree(policy.tree, policy.actions), []
         for episode in episodes:
-            here = replace(model, starts=episode.observations[:1])
+            here = model.begun_at(episode.observations[:1])
             there = PairedRollouts(here, FORETELLING, 1.0, self._generator)
             there.run(tree)
             missed.append(abs(episode.undiscounted_return - there.mean_return))

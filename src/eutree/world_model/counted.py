@@ -68,8 +68,8 @@ def fit_counted_world(data: Transitions) -> WorldModel:
     ends = [_end(width, n_actions, sign) for sign in (1.0, -1.0)]
     trees = (*_outcomes(CountedSteps.of(data), n_actions), paid, paid, paid, *ends)
     world = unrolled(trees, data.derivation, n_actions)._replace(apart=0)
-    starts = np.pad(data.observations[data.first], ((0, 0), (0, N_HIDDEN)))
-    return WorldModel(trees, world, starts, data.horizon(), n_actions, N_HIDDEN)
+    starts = data.observations[data.first]
+    return WorldModel(trees, world, starts, data.horizon(), n_actions, N_HIDDEN).begun_at(starts)
 
 
 def _tree(tests: Floats, coefficients: Floats) -> ModelTree:

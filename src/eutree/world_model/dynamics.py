@@ -5,6 +5,9 @@ displacement o' - o, given o, the displacement before it and the action. A displ
 state that one observation hides, such as a direction of movement. A leaf's residuals are its noise.
 Whether: for bad and for good ends a logistic model tree over o' (``termination``). Rewards: trees
 over o', o' - o and the action, one each for the reward of steps that go on, end badly, end well.
+Where a step is taken may tell its reward, or whether it ends, much better than where it leads: then
+that tree is over o, the displacement before it and the action, and its word is a number *hidden*
+behind o', which the tree over o' repeats: the loops that run a world know of no other kind.
 
 The region between the safe and the fatal transitions seen so far is unknown. ``gap`` is the share
 of that gap that counts as fatal: 0.5 is the usual middle, more is pessimistic, less optimistic.
@@ -37,6 +40,7 @@ FEW = 3  # rows of either kind below which no boundary is fitted
 SLACK = 1e-6  # more than rounding does to a sum of costs
 MOST_TESTS = 40
 MOST_ROWS = 8000
+CLEARLY = 10 * PRICE  # shorter is a description by where a step is taken, if it is preferred
 
 
 @dataclass(eq=False)
@@ -59,6 +63,7 @@ class TerminationTree:
     right: Integers  # [M]
     lines: Floats  # [M, 2 d + 1]
     rows: tuple[Integers, ...]  # of the data, for each node
+    cost: float  # of the description
 
     def seen(self, X: Floats, outcome: Floats, gap: float, sign: float) -> "TerminationTree":
         """Return the tree in which the share ``gap`` of the unknown counts as the worse.
@@ -89,15 +94,19 @@ def moved_to_better(x: Floats, outcome: Floats, threshold: float, share: float) 
     return moved if moved < high else low
 
 
-def fit_termination(X: Floats, y: Booleans) -> TerminationTree:
-    """Grow the tree of the shortest description found of which o' [N, d] are ends."""
+def fit_termination(X: Floats, y: Booleans, *, boundaries: bool = True) -> TerminationTree:
+    """Grow the tree of the shortest description found of which o' [N, d] are ends.
+
+    Without ``boundaries`` all its leaves are constants.
+    """
     kept = _thinned(y)
     correction = np.log((~y[kept]).sum() / (~y).sum()) if (~y).any() else 0.0
-    nodes = [_described(X, y, kept)]
+    limit = () if boundaries else (0.0,)  # no boundary costs less
+    nodes = [_described(X, y, kept, *limit)]
     for node in nodes:  # which grow
         if node.cost <= 3 * PRICE or len(nodes) >= 2 * MOST_TESTS:
             continue
-        if (found := _best_test(X, y, node)) is not None:
+        if (found := _best_test(X, y, node, *limit)) is not None:
             node.test = *found[:2], len(nodes), len(nodes) + 1
             nodes += found[2:]
     for node in reversed(nodes):  # a test stays where its sides are shorter than the node itself
@@ -112,7 +121,7 @@ def fit_termination(X: Floats, y: Booleans) -> TerminationTree:
     lines = np.array([node.line for node in nodes])
     lines[:, -1] += float(correction)
     rows = tuple(node.rows for node in nodes)
-    return TerminationTree(feature, threshold, left, right, lines, rows)
+    return TerminationTree(feature, threshold, left, right, lines, rows, nodes[0].cost)
 
 
 def _thinned(y: Booleans) -> Integers:
@@ -153,7 +162,9 @@ def _described(X: Floats, y: Booleans, rows: Integers, limit: float = np.inf) ->
     return _Leaf(rows, float(cost), line)
 
 
-def _best_test(X: Floats, y: Booleans, leaf: _Leaf) -> tuple[int, float, _Leaf, _Leaf] | None:
+def _best_test(
+    X: Floats, y: Booleans, leaf: _Leaf, limit: float = np.inf
+) -> tuple[int, float, _Leaf, _Leaf] | None:
     """Return the test whose two sides have the shortest descriptions, with them."""
     found = None
     least = np.inf
@@ -163,10 +174,10 @@ def _best_test(X: Floats, y: Booleans, leaf: _Leaf) -> tuple[int, float, _Leaf, 
             continue
         sides = leaf.rows[below], leaf.rows[~below]
         first = int(sides[1].size < sides[0].size)  # the smaller one is described at less cost
-        near = _described(X, y, sides[first], least - PRICE + SLACK)
+        near = _described(X, y, sides[first], min(limit, least - PRICE + SLACK))
         if near.cost + PRICE >= least:  # no description is shorter than a constant's price
             continue
-        far = _described(X, y, sides[1 - first], least - near.cost + SLACK)
+        far = _described(X, y, sides[1 - first], min(limit, least - near.cost + SLACK))
         if near.cost + far.cost < least:
             least = near.cost + far.cost
             found = (feature, threshold, *((far, near) if first else (near, far)))
@@ -199,6 +210,7 @@ def _tests(X: Floats, y: Booleans, rows: Integers) -> list[tuple[int, float]]:
 
 
 MAX_LEAVES = 64
+SHORT = 8  # leaves
 MIN_LEAF = 8
 GOOD_ENOUGH = 1e-4  # share of the variation that need not be explained
 EXACT = 1e-6  # the same of rewards
@@ -227,6 +239,10 @@ class WorldModel:
         """Steps taken so far in it and in its copies ``without_noise``."""
         return int(self.world.tally[0])
 
+    def begun_at(self, observations: Floats) -> "WorldModel":
+        """Return the model with episodes that start at observations, shape [E, d]."""
+        return replace(self, starts=np.pad(observations, ((0, 0), (0, self.n_hidden))))
+
     def without_noise(self) -> "WorldModel":
         """Return the model without residuals: displacements and rewards are the expected ones."""
         return replace(self, world=self.world._replace(residuals=0.0 * self.world.residuals))
@@ -246,26 +262,106 @@ def fit_world_models(
     before = _design(data.observations, data.previous_displacements, chosen)
     after = _design(data.next_observations, data.displacements, chosen)
     everything = np.arange(data.rewards.size)
+    d = data.observations.shape[1]
     moves = [
-        _grow(before, data.displacements[:, i], everything, max_leaves=max_leaves)
-        for i in range(data.observations.shape[1])
+        _grow(before, data.displacements[:, i], everything, max_leaves=max_leaves) for i in range(d)
     ]
     bad, good = data.outcome > 0, data.outcome < 0
     kinds = ~data.terminated, bad, good
-    rewards = [_grow(after, data.rewards, _rows(kind), min_leaf=1, floor=EXACT) for kind in kinds]
+    rewards = [_paid(before, after, data.rewards, _rows(kind)) for kind in kinds]
     places = data.next_observations
-    ends = (fit_termination(places, bad), 1.0), (fit_termination(places, good), -1.0)
+    ends = [(_ended(before.X, places, kind), sign) for kind, sign in ((bad, 1.0), (good, -1.0))]
     starts = np.ascontiguousarray(data.observations[data.first])
     models = []
     for gap in pessimism_levels:
         seen = [
-            _as_tree(tree.seen(places, data.outcome, gap, sign), data.n_actions)
-            for tree, sign in ends
+            (tree.seen(before.X if early else places, data.outcome, gap, sign), early)
+            for (tree, early), sign in ends
         ]
-        trees = (*moves, *rewards, *seen)
+        chances = [(_as_tree(tree, before.X.shape[1]), early) for tree, early in seen]
+        trees = _told(moves, [*rewards, *chances], data.n_actions)
+        n_hidden = len(trees) - 5 - d
         world = unrolled(trees, data.derivation, data.n_actions)
-        models.append(WorldModel(trees, world, starts, data.horizon(), data.n_actions))
+        model = WorldModel(trees, world, starts, data.horizon(), data.n_actions, n_hidden)
+        models.append(model.begun_at(starts))
     return tuple(models)
+
+
+# What a step earns, and whether it ends, is told by the tree over where it leads, or *early*, by
+# the one over where it is taken: a wager, a tool that breaks. Where both tell it, the first stays.
+
+
+def _paid(
+    before: kernels.Design, after: kernels.Design, y: Floats, rows: Integers
+) -> tuple[ModelTree, bool]:
+    """Return the tree of a reward that describes some rows best, and whether it tells it early."""
+    late = _grow(after, y, rows, min_leaf=1, floor=EXACT)
+    enough = EXACT * float(np.square(y[rows] - y[rows].mean()).sum())
+    if _error(late) <= enough and np.count_nonzero(late.feature < 0) <= SHORT:
+        return late, False
+    # Short trees, which cannot learn the rows by heart, are compared.
+    short = [_error(_grow(one, y, rows, max_leaves=SHORT, floor=EXACT)) for one in (before, after)]
+    early, other = (rows.size * np.log(max(one, enough)) for one in short)
+    if early + CLEARLY >= other:
+        return late, False
+    return _grow(before, y, rows, min_leaf=1, floor=EXACT), True
+
+
+def _error(tree: ModelTree) -> float:
+    """Return the squared error of a fitted tree."""
+    return float(np.square(tree.residuals).sum())
+
+
+def _ended(X: Floats, places: Floats, y: Booleans) -> tuple[TerminationTree, bool]:
+    """Return the tree of ends that is the shorter description, and whether it tells them early."""
+    late = fit_termination(places, y)
+    if late.cost > CLEARLY:
+        early = fit_termination(X, y, boundaries=False)
+        if early.cost + CLEARLY < late.cost:
+            return early, True
+    return late, False
+
+
+def _told(
+    moves: Sequence[ModelTree], outcomes: Sequence[tuple[ModelTree, bool]], n_actions: int
+) -> tuple[ModelTree, ...]:
+    """Return the trees of a world: what is told early moves a number that is hidden."""
+    d, n_hidden = len(moves), sum(early for _, early in outcomes)
+    hidden, told = list[ModelTree](), list[ModelTree]()
+    for tree, early in outcomes:
+        tree = _widened(tree, d, n_hidden)
+        if early:
+            coefficients = np.zeros((1, tree.coefficients.shape[1]))
+            coefficients[0, d + len(hidden)] = 1.0
+            hidden.append(_forgetful(tree, d + len(hidden)))
+            at = tree.feature < 0
+            none = np.zeros(1, dtype=np.int64)
+            tree = without_residuals(none - 1, np.zeros(1), none, none, coefficients)._replace(
+                low=tree.low[at].min(keepdims=True), high=tree.high[at].max(keepdims=True)
+            )
+        told.append(tree)
+    return (*(_widened(tree, d, n_hidden) for tree in moves), *hidden, *told)
+
+
+def _widened(tree: ModelTree, d: int, n_hidden: int) -> ModelTree:
+    """Return a tree over d features that looks past numbers hidden behind them."""
+    if not n_hidden:
+        return tree
+    columns = np.arange(tree.coefficients.shape[1])
+    columns += n_hidden * ((columns >= d).astype(np.int64) + (columns >= 2 * d))
+    coefficients = np.zeros((len(tree.feature), columns[-1] + 1))
+    coefficients[:, columns] = tree.coefficients
+    feature = np.where(tree.feature < 0, -1, columns[tree.feature])
+    return tree._replace(feature=feature, coefficients=coefficients)
+
+
+def _forgetful(tree: ModelTree, column: int) -> ModelTree:
+    """Return the tree of the displacement from a hidden number's last value to what a tree says."""
+    m = tree.feature.size
+    coefficients = tree.coefficients.copy()
+    coefficients[:, column] = -1.0
+    unbound = without_residuals(*tree[:4], coefficients)
+    return unbound._replace(n_rows=np.ones(m, dtype=np.int64), residuals=np.zeros(1))
 
 
 def fit_model_tree(X: Floats, y: Floats, *, max_leaves: int, min_leaf: int) -> ModelTree:
@@ -274,11 +370,13 @@ def fit_model_tree(X: Floats, y: Floats, *, max_leaves: int, min_leaf: int) -> M
     return _grow(_design(X), y, rows, max_leaves=max_leaves, min_leaf=min_leaf)
 
 
-def _as_tree(ends: TerminationTree, n_actions: int) -> ModelTree:
-    """Return a tree of ends in the form of the others; the columns of actions count nothing."""
+def _as_tree(ends: TerminationTree, p: int) -> ModelTree:
+    """Return a tree of ends in the form of the others, of p inputs; the rest count nothing."""
     m, width = ends.lines.shape
-    coefficients = np.zeros((m, width + n_actions))
-    coefficients[:, : width - 1], coefficients[:, -1] = ends.lines[:, :-1], ends.lines[:, -1]
+    coefficients = np.zeros((m, p + 1))
+    if width <= p:  # no early one has lines
+        coefficients[:, : width - 1] = ends.lines[:, :-1]
+    coefficients[:, -1] = ends.lines[:, -1]
     return without_residuals(ends.feature, ends.threshold, ends.left, ends.right, coefficients)
 
 
