@@ -255,8 +255,10 @@ class ModelPlanning:
         if not history.size or not planner.due(self.plan, history.n_seen):
             return Update()
         before, challenger = self.plan.incumbent, self.plan.challenger
+        shown = self.plan.demonstrations
         plan = planner.plan(self.plan, self._known(), generator, history.n_seen)
         self.plan = replace(plan, planned_at=history.n_seen)
+        self._informed = self._informed and plan.demonstrations == shown
         if plan.incumbent is not before:
             self._adopt(*to_decision_tree(plan.incumbent, self.tree.n_features))
         is_new = plan.challenger is not None and plan.challenger is not challenger

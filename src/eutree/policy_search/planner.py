@@ -208,12 +208,15 @@ class Planner:
     def _without_invalid(
         self, plan: Planned, data: Transitions, generator: np.random.Generator
     ) -> Planned:
-        """Return the plan without the demonstrations if the dynamics have changed since.
+        """Return the plan without the demonstrations if they show nothing, or no longer the task.
 
-        Then the incumbent earns much less than was shown. A poor tree does so too, but in the world
+        Nothing is shown where nobody has come by anything yet. And if the dynamics have changed
+        since, the incumbent earns much less than was shown. A poor tree does so too, but in the world
         as it was shown as well: imagined there, its return is nearer to the real one.
         """
         n, own, returns = plan.demonstrations, plan.own_episodes, data.episode_returns
+        if n and own and returns.max() == returns.min() <= 0.0:
+            return replace(plan, incumbent_episodes=own, demonstrations=0)
         shown, earned = returns[:n], returns[list(own)]
         lead = lead_apart(earned, shown)
         if not n or len(own) < _FEW_OWN or lead.mean <= _CLEARLY * lead.error:

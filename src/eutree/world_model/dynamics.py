@@ -274,8 +274,10 @@ def fit_world_models(
     starts = np.ascontiguousarray(data.observations[data.first])
     models = []
     for gap in pessimism_levels:
-        seen = [
-            (tree.seen(before.X if early else places, data.outcome, gap, sign), early)
+        seen = [  # the leaves of an early tree are shares that were counted: nothing is unknown
+            (tree.seen(before.X, data.outcome, gap, 0.0), True)
+            if early
+            else (tree.seen(places, data.outcome, gap, sign), False)
             for (tree, early), sign in ends
         ]
         chances = [(_as_tree(tree, before.X.shape[1]), early) for tree, early in seen]
@@ -304,7 +306,7 @@ def _paid(
     early, other = (rows.size * np.log(max(one, enough)) for one in short)
     if early + CLEARLY >= other:
         return late, False
-    return _grow(before, y, rows, min_leaf=1, floor=EXACT), True
+    return _grow(before, y, rows, floor=EXACT), True
 
 
 def _error(tree: ModelTree) -> float:
