@@ -140,7 +140,7 @@ _LEAST = 5e-324  # the smallest double above 0
 
 
 def _on_ranges(kind: str, operation: Callable[..., Any]) -> Callable[..., Any]:
-    """Return an operation on ranges, which are pairs of a least and a greatest value.
+    """Return an operation on ranges: a least and a greatest value, and whether it may be NaN.
 
     On either side of 0 each operation, rounded or not, rises or falls with each of its operands.
     So its ends are among its results at theirs, and around 0 for those that turn or jump there.
@@ -148,24 +148,37 @@ def _on_ranges(kind: str, operation: Callable[..., Any]) -> Callable[..., Any]:
 
     def compute(*parts: Any) -> Any:
         around = (-_LEAST, 0.0, _LEAST) if kind in {"/", "abs"} else ()
-        ends = [(*part, *(np.clip(at, *part) for at in around)) for part in parts]
+        ends = [(*part[:2], *(np.clip(at, *part[:2]) for at in around)) for part in parts]
         results = itertools.starmap(operation, itertools.product(*ends))
         found = np.stack(np.broadcast_arrays(*results))
-        if found.dtype == bool:
-            return found.all(axis=0), found.any(axis=0)
-        unknown = np.isnan(found).any(axis=0)
+        may_be_nan = np.any(np.broadcast_arrays(*(part[2] for part in parts)), axis=0)
+        if found.dtype == bool:  # no comparison holds of NaN
+            return found.all(axis=0) & ~may_be_nan, found.any(axis=0), False
+        # Of a NaN the least and the greatest operation make the other number, or NaN.
+        unknown = np.isnan(found).any(axis=0) | (may_be_nan & (kind in {"min", "max"}))
         return (
             np.where(unknown, -np.inf, found.min(axis=0)),
             np.where(unknown, np.inf, found.max(axis=0)),
+            unknown | may_be_nan,
         )
 
     return compute
 
 
+def _without_nan(compute: Callable[..., Any]) -> Callable[..., Any]:
+    return lambda *parts: compute(*((*part, False) for part in parts))[:2]
+
+
 # For ``compute``, with ranges [...] in place of numbers: the doubles that it gives for any numbers
-# within. They are exact where a formula names each feature once, else they may be wider.
-ON_RANGES: Mapping[str, Callable[..., Any]] = {
+# within, and whether it may give NaN. They are exact where a formula names each feature once, else
+# they may be wider.
+ON_RANGES_OR_NAN: Mapping[str, Callable[..., Any]] = {
     **{kind: _on_ranges(kind, operation) for kind, operation in _OPERATIONS.items()},
+    "number": lambda value: (np.float64(value), np.float64(value), False),
+}
+# The same without a word of NaN: a range that is not known is that of all numbers.
+ON_RANGES: Mapping[str, Callable[..., Any]] = {
+    **{kind: _without_nan(compute) for kind, compute in ON_RANGES_OR_NAN.items()},
     "number": lambda value: (np.float64(value),) * 2,
 }
 

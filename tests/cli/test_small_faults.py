@@ -182,3 +182,28 @@ def test_help_has_no_range_that_nothing_reaches(eutree, command):
     """Every whole number ended in [0<=x<=1000000000]."""
     assert "1000000000" not in eutree(command, "--help").out
     assert "is not in the range 1<=x<=" in eutree("record", "x", "--out", "y", "--episodes", 0).err
+
+
+def test_a_renamed_policy_is_played_under_its_old_names(eutree, expert, tmp_path):
+    names = tmp_path / "names.json"
+    names.write_text('{"actions": ["wait", "drive"]}')
+    out = tmp_path / "named.json"
+    answer = eutree("edit", expert, "--rename", names, "--out", out, "--episodes", 3)
+    assert answer.code == 0, answer.err
+    assert "on the same 3 episodes" in answer.out
+    assert TreePolicy.load(out).schema.actions == ("wait", "drive")
+    names.write_text('{"derived": ["twice = position * 2"]}')
+    answer = eutree("edit", expert, "--rename", names, "--out", out)
+    assert "--rename must name features and actions alone, got derived" in answer.err
+
+
+def test_of_several_files_all_are_written_or_none(eutree, expert, tmp_path):
+    (tmp_path / "room.h").mkdir()
+    answer = eutree("export", expert, "--out", tmp_path / "room.c", "--header")
+    assert answer.code == 2
+    assert not (tmp_path / "room.c").exists()
+
+
+def test_an_argument_of_a_plant_that_is_no_number(eutree, tmp_path):
+    line = ("prove", "zoo:MountainCar-v0", "--env-arg", "goal_velocity=abc")
+    assert "goal_velocity must be a number" in eutree(*line).err

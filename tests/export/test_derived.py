@@ -268,3 +268,13 @@ def test_no_variable_of_structured_text_hides_a_function():
     variables = set(re.findall(r"^\s+(\w+) : LREAL", source, re.MULTILINE))
     assert {"decide", "decide_tree", "decide_ratio"} <= functions
     assert not functions & variables
+
+
+def test_with_a_past_nothing_is_exported_even_where_no_test_asks_for_what_is_derived():
+    """Code would read places that its inputs do not have."""
+    schema = Schema.anonymous(2, 2).derive(["gap = x0 - x1"]).with_history(1)
+    tree = DecisionTree.single_leaf(schema.n_features).split(0, 4, 0.5)
+    policy = TreePolicy(tree, np.array([0, 1]), schema, history=1)
+    for export in (to_c, to_python, to_structured_text):
+        with pytest.raises(InvalidArgumentError, match="must have no history"):
+            export(policy)

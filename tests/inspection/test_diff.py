@@ -127,3 +127,16 @@ def test_observations_say_how_wide_an_unbounded_feature_is():
     found = diff(one, two, observations=rows)
     assert found.share == pytest.approx(0.1 / 2.4)
     assert found.visited == 0.25
+
+
+def test_boxes_that_no_observation_meets_are_no_difference():
+    """The sum of two numbers from -1 to 1 is no 4."""
+    features = Feature("a", "", -1.0, 1.0), Feature("b", "", -1.0, 1.0)
+    schema = Schema(features, ("go", "stop")).derive(["e = a + b"])
+    one, other, real = (
+        TreePolicy(DecisionTree.single_leaf(3).split(0, 2, cut), np.array([0, 1]), schema)
+        for cut in (3.5, 4.5, 1.5)
+    )
+    assert diff(one, other).share == 0.0
+    assert not diff(one, other).boxes
+    assert len(diff(one, real).boxes) == 1

@@ -1,6 +1,7 @@
 """Properties: proofs and counter-examples, against a lattice on which nothing can hide."""
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from eutree.errors import InvalidArgumentError, UnknownNameError
 from eutree.inspection import verify
 from eutree.inspection.properties import parse
 from eutree.policies import TreePolicy
-from eutree.schema import Feature, Schema
+from eutree.schema import Control, Feature, Schema
 from eutree.trees import DecisionTree
 from tests.inspection.lattices import lattice_policy
 
@@ -192,3 +193,81 @@ def test_names_with_blanks_stand_in_quotes():
         [1.0, -np.inf],
         [np.inf, 3.0],
     )
+
+
+def test_a_proof_about_a_masked_policy_says_what_it_takes_for_granted():
+    tree = DecisionTree.single_leaf(1).split(0, 0, 0.0)
+    schema = Schema((Feature("x", "", -1.0, 1.0),), ("off", "on", "dump"))
+    policy = TreePolicy(tree, np.array([0, 1]), schema, masked=True)
+    answer = verify(policy, "never dump")
+    assert answer.holds
+    assert "where all actions are allowed: masks may choose another" in str(answer)
+    assert int(policy.predict([0.5], action_masks=np.array([0, 0, 1], dtype=bool))[0]) == 2
+    assert verify(replace(policy, masked=False), "never dump").note == ""
+
+
+@pytest.mark.parametrize("bound", [np.inf, 1e200])
+@pytest.mark.parametrize(
+    ("formula", "threshold"),
+    [
+        ("min(a * a - a * a, 5)", 100.0),
+        ("1 / (a * a - a * a)", 2e9),
+        ("a * a * 0", 3.0),
+        ("5 if a * a - a * a < 1 else 7", 6.0),
+    ],
+)
+def test_what_is_no_number_takes_the_right_branch_in_proofs_too(formula, threshold, bound):
+    """Squares overflow, and infinity less infinity is no number."""
+    schema = Schema((Feature("a", "", -bound, bound),), ("go", "stop")).derive([f"d = {formula}"])
+    tree = DecisionTree.single_leaf(2).split(0, 1, threshold)
+    policy = TreePolicy(tree, np.array([0, 1]), schema)
+    answer = verify(policy, "never stop")
+    assert not answer.holds
+    (example,) = answer.counter_examples
+    assert example.occurs
+    assert int(policy.predict(example.point[:1])[0]) == 1
+    small = replace(policy, schema=Schema((Feature("a", "", -9.0, 9.0),), ("go", "stop")).derive(
+        [f"d = {formula}"]
+    ))  # fmt: skip
+    assert verify(small, "never stop").holds
+
+
+def test_all_comparisons_take_a_level_for_what_is_shown_of_it():
+    levels = (0.0, 0.1 + 0.2, 50.0)
+    names = ("valve 0 %", "valve 0.3 %", "valve 50 %")
+    schema = Schema((Feature("level", "m", 0.0, 2.0),), names, (Control("valve", "%", levels),))
+    policy = TreePolicy(DecisionTree.single_leaf(1).split(0, 0, 1.0), np.array([0, 1]), schema)
+    for words in (
+        "always valve = 0.3 when level > 1",
+        "always valve <= 0.3",
+        "never valve > 0.3",
+        "always valve >= 0.3 when level > 1",
+        "never valve < 0.3 when level > 1",
+    ):
+        assert verify(policy, words).holds, words
+
+
+def test_categories_with_commas_stand_in_quotes():
+    kinds = ("a,b", "c and d", "e")
+    schema = Schema(
+        (Feature("c", "", 0.0, 2.0, is_integer=True, categories=kinds),), ("go", "stop")
+    )
+    policy = TreePolicy(DecisionTree.single_leaf(1).split(0, 0, 0.5), np.array([0, 1]), schema)
+    assert verify(policy, 'always go when c is "a,b"').holds
+    assert verify(policy, 'always stop when c is "c and d",e').holds
+    assert 'c is "a,b"' in str(verify(policy, "never go"))
+
+
+def test_bounds_that_say_nothing_do_not_round_what_is_shown():
+    end = float(np.finfo(np.float32).max)
+    schema = Schema((Feature("x", "", -end, end),), ("go", "stop"))
+    policy = TreePolicy(DecisionTree.single_leaf(1).split(0, 0, 0.5), np.array([0, 1]), schema)
+    assert "stop where x > 0.5" in str(verify(policy, "never stop"))
+
+
+@pytest.mark.filterwarnings("error")
+def test_bounds_that_are_the_largest_doubles():
+    end = float(np.finfo(np.float64).max)
+    schema = Schema((Feature("x", "", -end, end),), ("go", "stop"))
+    policy = TreePolicy(DecisionTree.single_leaf(1).split(0, 0, 0.0), np.array([0, 1]), schema)
+    assert verify(policy, "never stop").share == pytest.approx(0.5)

@@ -217,3 +217,13 @@ def test_an_alternative_whose_derived_features_do_not_fit_is_said_to_be_none():
 def test_a_scale_is_positive():
     with pytest.raises(InvalidArgumentError, match="each of scale must be a number in"):
         why(crossing(), [8.0, 2.0], scale=[1.0, 0.0])
+
+
+def test_measured_features_alone_are_those_of_a_first_step():
+    """With what is derived of them and the past, which is then the present."""
+    schema = Schema.anonymous(2, 2).derive(["gap = x0 - x1"]).with_history(1)
+    tree = DecisionTree.single_leaf(schema.n_features).split(0, 2, 0.5)
+    policy = TreePolicy(tree, np.array([0, 1]), schema, history=1)
+    assert why(policy, [3.0, 1.0]).action == 1
+    with pytest.raises(InvalidArgumentError, match=r"observation must have 6 entries, got 3"):
+        why(policy, [3.0, 1.0, 2.0])

@@ -328,3 +328,13 @@ def test_a_matrix_has_the_names_that_its_environment_gives():
     assert describe(env).features[0].unit == "m"
     flat = FlattenObservation(gymnasium.make("CartPole-v1"))
     assert describe(flat).feature_names == describe(gymnasium.make("CartPole-v1")).feature_names
+
+
+def test_choices_in_a_table_can_be_flattened():
+    class Table(gymnasium.Env):
+        observation_space = spaces.MultiDiscrete([[2, 3], [4, 5]])
+        action_space = spaces.Discrete(2)
+
+    schema = describe(FlattenObservation(Table()))
+    assert [len(group) for group in schema.groups.values()] == [2, 3, 4, 5]
+    assert schema.n_features == 14

@@ -106,3 +106,17 @@ def test_tasks_are_learned_from_nothing(task, steps, least):
         )
         earned.append(eutree.evaluate(found.policy, task, episodes=50, seed=5).mean_return)
     assert min(earned) > least
+
+
+@pytest.mark.parametrize("earned", [0.0, -1.0, 1.0])
+def test_demonstrations_that_came_by_nothing_show_nothing(earned):
+    """Nobody knows what a task wants whose returns are all alike, unless they are a gain."""
+    data = walks(20, 7, pit=(50.0, 60.0), policy=lambda o: STAY)
+    data = replace(data, rewards=np.full_like(data.rewards, earned / 40.0))
+    plan = Planned(packed(STAY), incumbent_episodes=tuple(range(20)), demonstrations=15)
+    after = planned(plan, data)
+    assert after.knows_nothing == (earned <= 0.0)
+    assert after.incumbent_episodes == (tuple(range(20)) if earned > 0.0 else (15, 16, 17, 18, 19))
+    rewards = data.rewards.copy()
+    rewards[-1] += 1.0  # somebody came by something
+    assert not planned(plan, replace(data, rewards=rewards)).knows_nothing

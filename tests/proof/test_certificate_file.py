@@ -1,10 +1,14 @@
 """A certificate on file, and its sentence on top of what is exported."""
 
+import hashlib
 import json
 
 import pytest
 
 from eutree.cli.main import run
+from eutree.errors import FormatError
+from eutree.policies import TreePolicy
+from eutree.proof import load_certificate
 from tests.proof.policies import BAD, GOOD, policy_of
 
 
@@ -56,3 +60,26 @@ def test_the_page_of_the_tree_shows_its_certificate(files, capsys):
     line[1] = str(files / "other.json")
     assert run([*line, "--certificate", str(files / "whole.json")]) == 2
     assert "must be a certificate of this policy" in capsys.readouterr().err
+
+
+def test_a_certificate_is_of_the_tree_and_of_no_version(files, monkeypatch):
+    kept = files / "proof.json"
+    monkeypatch.setattr("eutree.files.documents.__version__", "9.9.9")
+    policy = TreePolicy.load(files / "car.json")
+    assert load_certificate(kept, policy).proven
+
+
+def test_a_certificate_that_was_changed_by_hand_is_refused(files):
+    kept = files / "proof.json"
+    kept.write_text(kept.read_text().replace("for 3 steps", "for 300 steps"))
+    with pytest.raises(FormatError, match="changed after eutree wrote it: prove again"):
+        load_certificate(kept)
+
+
+def test_first_certificates_have_no_checksum_and_the_hash_of_a_version(files):
+    kept, policy = files / "proof.json", policy_of(GOOD)
+    document = json.loads(kept.read_text())
+    del document["checksum"]
+    document["policy"] = hashlib.sha256(policy.to_bytes()).hexdigest()
+    kept.write_text(json.dumps(document))
+    assert load_certificate(kept, policy).proven

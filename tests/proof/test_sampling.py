@@ -88,3 +88,11 @@ def test_what_episodes_cannot_answer(question):
         certify_sample(drawn([1.0]), question, environment="X")
     with pytest.raises(InvalidArgumentError, match="needs a plant"):
         certify_sample(drawn([1.0]), "stays in x <= 1", environment="X")
+
+
+def test_several_statements_say_that_each_has_the_confidence():
+    episodes = drawn(np.arange(60.0), np.arange(60) % 2 == 0)
+    said = certify_sample(episodes, environment="Room-v0").sentence
+    assert said.startswith("in Room-v0, each with 99 % confidence by 60 episodes: an episode")
+    alone = certify_sample(drawn(np.arange(60.0)), environment="Room-v0").sentence
+    assert alone.startswith("in Room-v0, with 99 % confidence by 60 episodes: an episode")

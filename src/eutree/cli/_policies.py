@@ -98,6 +98,10 @@ def renamed(policy: "TreePolicy", names: "Names") -> "TreePolicy":
     """Return a policy with these names; those of the past follow."""
     from eutree.schema import Schema
 
+    if names.derived:
+        raise InvalidArgumentError(
+            f"--rename must name features and actions alone, got derived {list(names.derived)}"
+        )
     known, size = policy.schema, policy.observation_size
     schema = names.of(Schema(known.features[:size], known.actions, known.controls))
     return replace(policy, schema=schema.with_history(policy.history, policy.past_actions))

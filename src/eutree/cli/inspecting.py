@@ -238,7 +238,7 @@ def edit(
             with closing(make(spec)) as env, said_what_is_played(2 * episodes):
                 returns = [
                     evaluate(each, env, episodes=episodes, seed=seed).mean_return
-                    for each in (before, edited.policy)
+                    for each in (before, replace(edited.policy, schema=before.schema))
                 ]
         except UnknownNameError as error:
             say(f"changed, but not played: {error}")

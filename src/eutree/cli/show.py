@@ -229,6 +229,8 @@ def export(
         raise InvalidArgumentError(
             f"--out must be another file than the one that is written beside it, got {out}"
         )
+    for path, _ in files:
+        check_writable(path)
     for path, entry in files:
         write_bytes(path, entry)
     written = [str(path) for path, _ in files]

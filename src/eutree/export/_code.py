@@ -138,13 +138,12 @@ def exported_features(policy: TreePolicy) -> list[int]:
     Raises:
         InvalidArgumentError: The policy has derived features and remembers the past besides.
     """
-    found = derived_features(policy.tree, policy.schema)
-    if found and not policy.features.is_identity:
+    if policy.schema.derived and not policy.features.is_identity:
         raise InvalidArgumentError(
             "a policy with derived features must have no history to be exported as code: declare "
             "what it remembers, before = last(level)"
         )
-    return found
+    return derived_features(policy.tree, policy.schema)
 
 
 def remembered_features(policy: TreePolicy) -> list[int]:

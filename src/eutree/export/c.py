@@ -275,6 +275,7 @@ def _value_titles(policy: TreePolicy, name: str, kind: Numbers) -> list[str]:
         return []
     blocks = {f"block_{root}" for root in code.block_roots(policy.tree)}
     own = {"actions", "values", "h", "test", "tree", "leaf", "orders", "allowed"}
+    own |= {member.removeprefix(f"{name}_") for member in _enumerators(policy, name)}
     names = code.control_identifiers(
         policy.schema, reserved=frozenset(own | blocks | {*code.functions("c", name)})
     )

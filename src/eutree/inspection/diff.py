@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from eutree.arrays import Floats, Integers
 from eutree.display import SAME, Displayed, counted
+from eutree.inspection.occurring import Occurring
 from eutree.inspection.regions import Region, domain, finite_box, is_box
 from eutree.policies import TreePolicy
 from eutree.trees.boxes import differing, possible, volumes
@@ -109,7 +110,10 @@ def diff(
     low, high, actions = _joined(low[real], high[real], actions[real])
     digits = Digits(mine, first.tree, second.tree)
     wide = ((high - low > SAME * np.array(digits.widths)) | (low <= inside.low)).all(axis=1)
-    low, high, actions = low[wide], high[wide], actions[wide]
+    occurring = Occurring(mine)
+    occurs = [occurring.within(Region(*box)) is not None for box in zip(low, high, strict=True)]
+    kept = wide & np.array(occurs, dtype=bool)
+    low, high, actions = low[kept], high[kept], actions[kept]
     shares = volumes(low, high, box_low, box_high, mine)
     visited = None if seen is None else _visits(low, high, inside, seen)
     order = np.lexsort([-shares] if visited is None else [-shares, -visited])

@@ -4,7 +4,7 @@ A leaf of a tree that asks for ``lead = distance_1 - distance_2`` is a box of al
 no observation has a lead of 5 with both distances in [0, 2]. So a box is halved along the features
 that are not derived, until a part has an observation whose derived features lie in the box, too, or
 no part is left where they could. What formulas are in a part is bounded as it is computed
-(``eutree.formulas.ON_RANGES``), so both answers are exact, for all finite doubles.
+(``eutree.formulas.ON_RANGES_OR_NAN``), so both answers are exact, for all finite doubles.
 """
 
 from collections.abc import Mapping
@@ -16,7 +16,7 @@ import numpy as np
 
 from eutree.arrays import Booleans, Floats
 from eutree.features import Derivation
-from eutree.formulas import ON_RANGES, Formula
+from eutree.formulas import ON_RANGES_OR_NAN, Formula
 from eutree.inspection.regions import Region, is_box
 from eutree.schema import Schema
 from eutree.trees.boxes import possible
@@ -55,10 +55,13 @@ class Occurring:
         schema: The d features, and how some of them are derived.
         everywhere: Whether all doubles count as observations, or whole numbers where features are
             whole, and one category of each group.
+        free: The features of which nothing is asked: a derived one may be NaN, which is in no box,
+            but takes the right branch of every test.
     """
 
     schema: Schema
     everywhere: bool = False
+    free: frozenset[int] = frozenset()
 
     def within(self, box: Region) -> Occurrence | None:
         """Look for an observation in a box; None where there is none."""
@@ -73,7 +76,8 @@ class Occurring:
             left -= latest.shape[1]
             latest = latest[:, self._reached(latest, box)[0]]
             rows = self._points(latest)
-            inside = ((rows > box.low) & (rows <= box.high)).all(axis=1)
+            is_right = np.isnan(rows) & self._is_right(box)
+            inside = (is_right | (rows > box.low) & (rows <= box.high)).all(axis=1)
             if inside.any():
                 return Occurrence(rows[inside.argmax()], True)
             parts = np.concatenate([parts, self._halves(latest, box)], axis=1)
@@ -118,14 +122,21 @@ class Occurring:
         low, high = parts
         first = np.where(self._is_whole, np.floor(low) + 1.0, np.nextafter(low, np.inf))
         may_be, beyond = np.ones(len(low), dtype=bool), np.zeros(len(low))
-        ranges = self._derived(list(zip(first.T, high.T, strict=True)), ON_RANGES)
+        measured = [(*ends, False) for ends in zip(first.T, high.T, strict=True)]
+        ranges, is_right = self._derived(measured, ON_RANGES_OR_NAN), self._is_right(box)
         with np.errstate(invalid="ignore", over="ignore"):
             for j in self._formulas:
-                least, most = ranges[j]
-                may_be &= (least <= box.high[j]) & (most > box.low[j])
+                least, most, may_be_nan = ranges[j]
+                inside = (least <= box.high[j]) & (most > box.low[j])
+                may_be &= inside | (may_be_nan & is_right[j])
                 for reach in (box.low[j] - least, most - box.high[j]):
                     beyond += np.clip(np.nan_to_num(reach, nan=0.0), 0.0, _LARGEST / 1e4)
         return may_be, beyond
+
+    def _is_right(self, box: Region) -> Booleans:
+        """Return of which features [d] the box takes a NaN."""
+        is_free = np.isin(np.arange(self.schema.n_features), list(self.free))
+        return is_free & np.isinf(box.high)
 
     @cached_property
     def _is_whole(self) -> Booleans:

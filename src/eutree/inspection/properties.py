@@ -20,7 +20,6 @@ double quotes, as JSON strings.
 import itertools
 import json
 import math
-import operator
 import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
@@ -36,12 +35,13 @@ from eutree.schema import Schema
 from eutree.trees.text import printable
 
 _TOKEN = re.compile(r'\s*("(?:[^"\\]|\\.)*"|<=|>=|<|>|=|[^\s<>=]+)')
+_COMMA = re.compile(r',(?=(?:[^"\\]|\\.|"(?:[^"\\]|\\.)*")*$)')  # outside of quotes
 _FLIPPED = {"<": ">", "<=": ">=", ">": "<", ">=": "<=", "=": "="}
-_HOLDS: dict[str, Callable[[float, float], bool]] = {
-    "<": operator.lt,
-    "<=": operator.le,
-    ">": operator.gt,
-    ">=": operator.ge,
+_HOLDS: dict[str, Callable[[float, float], bool]] = {  # levels are shown with few digits
+    "<": lambda level, value: level < value and not math.isclose(level, value),
+    "<=": lambda level, value: level < value or math.isclose(level, value),
+    ">": lambda level, value: level > value and not math.isclose(level, value),
+    ">=": lambda level, value: level > value or math.isclose(level, value),
     "=": math.isclose,
 }
 KINDS = ("never", "always", "monotone", "no dead leaves")
@@ -224,7 +224,7 @@ class _PropertyParser:
         while end < len(self.tokens) and self.tokens[end] != "and":
             end += 1
         named = set()
-        for text in " ".join(self.tokens[self.at : end]).split(","):
+        for text in _COMMA.split(" ".join(self.tokens[self.at : end])):
             word = (
                 json.loads(text) if re.fullmatch(r'\s*"(?:[^"\\]|\\.)*"\s*', text) else text.strip()
             )

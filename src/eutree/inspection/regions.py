@@ -63,7 +63,7 @@ class Region(Frozen):
             within: A box that is known to hold this one.
             digits: Which digits of the bounds are shown; by default those that tell them apart.
         """
-        digits = Digits(schema, others=self._bounds()) if digits is None else digits
+        digits = Digits(schema, others=self._bounds(within)) if digits is None else digits
         parts: list[str] = []
         for number, feature in enumerate(schema.features):
             if feature.group:
@@ -103,10 +103,11 @@ class Region(Frozen):
             )
             yield choice(name, told, others=others) if told else f"{printable(name)} is nothing"
 
-    def _bounds(self) -> Iterator[tuple[int, float]]:
-        """Yield feature and value of each finite bound."""
-        for bounds in (self.low, self.high):
-            for number in np.flatnonzero(np.isfinite(bounds)).tolist():
+    def _bounds(self, within: "Region | None") -> Iterator[tuple[int, float]]:
+        """Yield feature and value of each finite bound that ``within`` does not imply."""
+        for side, bounds in (("low", self.low), ("high", self.high)):
+            known = np.isinf(bounds) | (within is not None and bounds == getattr(within, side))
+            for number in np.flatnonzero(~known).tolist():
                 yield number, float(bounds[number])
 
 
@@ -138,7 +139,7 @@ def finite_box(
         known = np.concatenate([*cuts, [] if seen is None else seen[:, j], [low[j], high[j]]])
         known = known[np.isfinite(known)]
         least, most = (known.min(), known.max()) if known.size else (0.0, 0.0)
-        beyond = (most - least) / 10 or 1.0
+        beyond = (most / 10 - least / 10) or 1.0
         low[j] = low[j] if np.isfinite(low[j]) else least - beyond
         high[j] = high[j] if np.isfinite(high[j]) else most + beyond
     return whole_bounds(low, high, schema)
@@ -177,7 +178,8 @@ def is_box(low: Floats, high: Floats) -> Booleans:
 
 def before(values: Floats) -> Floats:
     """Return the next smaller doubles; infinities stay."""
-    smaller: Floats = np.where(np.isinf(values), values, np.nextafter(values, -np.inf))
+    with np.errstate(over="ignore"):  # before the least double lies minus infinity
+        smaller: Floats = np.where(np.isinf(values), values, np.nextafter(values, -np.inf))
     return smaller
 
 

@@ -5,7 +5,7 @@ the schema's bounds, and the point of a counter-example is an observation that b
 is no number and takes the right branch of every test, is outside of every statement.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from itertools import islice
 from typing import NamedTuple
@@ -155,7 +155,7 @@ def verify(
         counter_examples=tuple(examples),
         share=max(shares, default=0.0) if asked.kind == "monotone" else float(sum(shares)),
         leaves_checked=max(part.leaves for part in parts),
-        note="" if any(part.is_asked for part in parts) else _unasked(policy, asked),
+        note="; ".join(filter(None, _cautions(policy, asked, parts))),
     )
 
 
@@ -164,6 +164,8 @@ def _part(
 ) -> _Part | None:
     """Return the part of a property in one of its boxes; None where it holds no observation."""
     schema = policy.schema
+    is_free = np.isinf(region.low) & np.isinf(region.high)
+    occurring = replace(occurring, free=frozenset(np.flatnonzero(is_free).tolist()))
     low, high = region.meet(*leaf_boxes(policy.tree))
     if not occurring.everywhere:
         bounds = domain(schema)
@@ -188,12 +190,13 @@ def _part(
     return _Part(found, int(reaching.size), size, is_asked)
 
 
-def _unasked(policy: TreePolicy, asked: Property) -> str:
-    """Return that no test asks for the feature of a monotone property, where none does."""
-    if asked.kind != "monotone":
-        return ""
-    where = " there" if asked.feature in policy.tree.feature else ""
-    return f"no test{where} asks for {printable(policy.schema.features[asked.feature].name)}"
+def _cautions(policy: TreePolicy, asked: Property, parts: list[_Part]) -> Iterator[str]:
+    """Yield that no test asks for the feature of a monotone property, and that masks may differ."""
+    if asked.kind == "monotone" and not any(part.is_asked for part in parts):
+        where = " there" if asked.feature in policy.tree.feature else ""
+        yield f"no test{where} asks for {printable(policy.schema.features[asked.feature].name)}"
+    if policy.masked and asked.kind != "no dead leaves":
+        yield "where all actions are allowed: masks may choose another"
 
 
 def _examples(

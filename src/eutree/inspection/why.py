@@ -131,8 +131,10 @@ def why(
     """
     tree, schema = check_kind("policy", policy, TreePolicy).tree, policy.schema
     derivation = policy.derivation
-    if derivation.formulas and np.shape(observation) == (derivation.n_measured,):
-        observation = derivation.rows(check_vector("observation", observation))
+    if np.shape(observation) == (derivation.n_measured,) != (tree.n_features,):
+        observation = policy.features.first(
+            derivation.rows(check_vector("observation", observation))
+        )
     point = check_vector("observation", observation, size=tree.n_features)
     leaf = tree.leaf_of(point.tolist())
     action = int(policy.actions[leaf])

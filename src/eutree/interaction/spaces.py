@@ -144,6 +144,8 @@ def _one_hot(space: spaces.Space[Any], prefix: str, name: str) -> Iterator[Featu
         for key, part in _parts(space):
             yield from _one_hot(part, f"{prefix}.{key}" if prefix else key, name)
         return
+    if isinstance(space, spaces.MultiDiscrete):
+        space = spaces.MultiDiscrete(space.nvec.ravel(), start=space.start.ravel())
     is_choice = isinstance(space, spaces.Discrete | spaces.MultiDiscrete)
     flat = space if is_choice else spaces.utils.flatten_space(space)
     entries = _entries(flat, name)

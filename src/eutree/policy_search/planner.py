@@ -24,6 +24,7 @@ FEWEST_ROLLOUTS = 100  # episodes
 _FEW_OWN = 10  # episodes
 _EXPLORED = 20  # episodes of explorers that are remembered
 _FIRST_LEAVES = 10  # of trees made of lucky episodes
+_ALIKE = 1e-9  # returns, in parts of the largest
 _CLEARLY = 3.0  # standard errors
 
 
@@ -211,11 +212,12 @@ class Planner:
         """Return the plan without the demonstrations if they show nothing, or no longer the task.
 
         Nothing is shown where nobody has come by anything yet. And if the dynamics have changed
-        since, the incumbent earns much less than was shown. A poor tree does so too, but in the world
-        as it was shown as well: imagined there, its return is nearer to the real one.
+        since, the incumbent earns much less than was shown. A poor tree does so too, but in the
+        world as it was shown as well: imagined there, its return is nearer to the real one.
         """
         n, own, returns = plan.demonstrations, plan.own_episodes, data.episode_returns
-        if n and own and returns.max() == returns.min() <= 0.0:
+        alike = np.ptp(returns) <= _ALIKE * np.abs(returns).max()
+        if n and own and alike and returns[0] <= 0.0:
             return replace(plan, incumbent_episodes=own, demonstrations=0)
         shown, earned = returns[:n], returns[list(own)]
         lead = lead_apart(earned, shown)

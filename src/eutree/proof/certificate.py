@@ -1,6 +1,7 @@
 """Certificates of a policy: a sentence that a reviewer can sign, and pictures."""
 
 import hashlib
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -13,6 +14,7 @@ from eutree.arrays import Booleans, Floats, Frozen, Integers, freeze
 from eutree.display import Displayed, counted
 from eutree.errors import FormatError, InvalidArgumentError
 from eutree.files import Document, read_document, write_document
+from eutree.files.documents import checksum_of
 from eutree.policies import TreePolicy
 
 VERDICTS = PROVEN, REFUTED, UNDECIDED = "proven", "refuted", "undecided"
@@ -181,6 +183,7 @@ class CertificateDocument(Document, frozen=True, kw_only=True):
     work: dict[str, float]
     starts: StartsDocument | None
     pictures: list[PictureDocument]
+    checksum: str = ""  # filled in on writing
 
 
 _KEPT = [one.name for one in fields(Certificate) if one.name != "pieces"]
@@ -193,7 +196,7 @@ def save_certificate(path: str | Path, certificate: Certificate, policy: TreePol
         FileError: The file cannot be written.
     """
     known: dict[str, Any] = {name: getattr(certificate, name) for name in _KEPT}
-    known["policy"] = _mark(policy)
+    known["policy"] = _marks(policy)[0]
     known["bounds"] = {name: tuple(map(float, ends)) for name, ends in certificate.bounds.items()}
     known["starts"] = certificate.starts and _plain(certificate.starts)
     known["pictures"] = [_plain(one) for one in certificate.pictures]
@@ -217,7 +220,7 @@ def load_certificate(path: str | Path, policy: TreePolicy | None = None) -> Cert
         InvalidArgumentError: It is of another policy.
     """
     document = read_document(path, CertificateDocument)
-    if policy is not None and document.policy != _mark(policy):
+    if policy is not None and document.policy not in _marks(policy):
         raise InvalidArgumentError(f"{path} must be a certificate of this policy, got another's")
     for name, known in (("verdict", VERDICTS), ("kind", KINDS)):
         if getattr(document, name) not in known:
@@ -227,6 +230,10 @@ def load_certificate(path: str | Path, policy: TreePolicy | None = None) -> Cert
     kept["starts"] = document.starts and _starts(document.starts, path)
     pictures = enumerate(document.pictures)
     kept["pictures"] = tuple(_picture(one, f"pictures[{k}]", path) for k, one in pictures)
+    if document.checksum not in ("", checksum_of(document)):  # first versions have none
+        raise FormatError(
+            path, "checksum", "the file was changed after eutree wrote it: prove again"
+        )
     return Certificate(**kept)
 
 
@@ -265,9 +272,14 @@ def _table(rows: Sequence[Sequence[float]], place: str, path: str | Path) -> Flo
         raise FormatError(path, place, "must be rows of one length") from None
 
 
-def _mark(policy: TreePolicy) -> str:
-    """Return the hash that tells a policy from others."""
-    return hashlib.sha256(policy.to_bytes()).hexdigest()
+def _marks(policy: TreePolicy) -> tuple[str, str]:
+    """Return the hash that tells a policy from others, and the former one.
+
+    Only the former is over the version of eutree that writes the policy, too.
+    """
+    whole = policy.to_bytes()
+    known = re.sub(rb'(?m)^ "made_by": .*\n', b"", whole)
+    return hashlib.sha256(known).hexdigest(), hashlib.sha256(whole).hexdigest()
 
 
 COLUMNS, CELLS = 320, 64  # of a picture: along one number, and along each of two

@@ -24,7 +24,7 @@ from eutree.proof.intervals import Intervals, Truth, clip, cos, sin, where
 from eutree.proof.properties import EpisodeProperty
 from eutree.schema import EnvironmentSpec, Feature, Schema
 from eutree.trees.text import derived_features
-from eutree.validation import check_kind, check_listed, check_range
+from eutree.validation import check_kind, check_listed, check_number, check_range
 
 State = Sequence[Intervals]  # one for each number of the state, each of N boxes
 
@@ -271,7 +271,7 @@ class MountainCar(Plant):
     def __init__(self, spec: EnvironmentSpec) -> None:
         arguments, self.limit = own_arguments(spec, {"goal_velocity": 0}, _CAR_LIMIT)
         self.environment = spec
-        self._goal_velocity = float(arguments["goal_velocity"])
+        self._goal_velocity = check_number("goal_velocity", arguments["goal_velocity"])
 
     def step(self, state: State, action: Integers) -> State:
         """Push, roll, and stop at the left end."""

@@ -86,6 +86,8 @@ def certify_sample(
         )
     if asked is None or (asked.kind == "succeeds" and asked.chance is None):
         bounds, words = _plain(evaluation, sampling)
+        if len(bounds) > 1:
+            basis = basis.replace(", with", ", each with")
         return Certificate(f"{basis}: {words}", STATISTICAL, PROVEN, bounds, work={"episodes": n})
     least = float(asked.least or 0.0)
     if asked.chance is None:

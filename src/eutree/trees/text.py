@@ -190,7 +190,8 @@ def choice(name: str, categories: Sequence[str], *, others: Sequence[str]) -> st
     ('phase is B,D', 'phase is not D')
     """
     told, word = (others, "is not") if len(others) < len(categories) else (categories, "is")
-    return f"{printable(name)} {word} {','.join(map(printable, told))}"
+    parts = (quoted(one) if "," in one else printable(one) for one in told)
+    return f"{printable(name)} {word} {','.join(parts)}"
 
 
 def _of(feature: Feature) -> str:
