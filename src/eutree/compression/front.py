@@ -47,12 +47,8 @@ def front_of(
 ) -> Front:
     """Return the front of a tree.
 
-    Args:
-        policy: The tree to make smaller.
-        exact: The same decisions in no more leaves: handed back where no other tree deserves it.
-        ground: Plays the trees.
-        demand: Which is handed back.
-        finish: Prepares a tree that was found before it is chosen: rounds it, say.
+    ``exact`` makes the same decisions in no more leaves; it is handed back where no other tree
+    deserves it. ``finish`` prepares a tree that was found before it is chosen: rounds it, say.
     """
     common, steps = _extent(policy, ground, demand.episodes)
     search = FrontSearch([exact], common, steps, lambda one: with_locks(merged(one), policy))
@@ -68,13 +64,9 @@ def front_of(
 def front_among(
     policy: TreePolicy, trees: Sequence[TreePolicy], common: CommonEpisodes, demand: Demand
 ) -> Front:
-    """Return the front of some trees, and the pick among them.
+    """Return the front of some challengers, shown beside the input, and the pick among them.
 
-    Args:
-        policy: The input, beside which all are shown.
-        trees: The challengers of the input.
-        common: Where they run; the starts of its next draw make the front.
-        demand: Which is handed back.
+    The starts of the next draw of ``common`` make the front.
     """
     ground = common.ground
     common.redraw(policy)

@@ -33,8 +33,7 @@ ROWS = 2000  # that thresholds are placed by, and parts fitted to
 class ImaginedCommonEpisodes(PairedEpisodes):
     """Imagined episodes; those of a hopeless challenger are given up, so few are not less.
 
-    Args:
-        rollouts: Imagines them; their steps are none of the environment's.
+    The steps of the rollouts are none of the environment's.
     """
 
     def __init__(self, rollouts: PairedRollouts) -> None:

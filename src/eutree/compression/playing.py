@@ -118,13 +118,7 @@ class Ground:
     def play(
         self, trees: Sequence[TreePolicy], which: Integers, starts: Integers
     ) -> tuple[Outcome, _Traces]:
-        """Return the outcome of each pair of a tree and a start, and its steps.
-
-        Args:
-            trees: The policies that play.
-            which: Number of the tree of each pair, shape [P].
-            starts: Number of the start of each pair, shape [P].
-        """
+        """Return the outcome of each pair [P] of numbers, of a tree and a start, and its steps."""
         parts = []
         for start in set(starts.tolist()) - self._seeds.keys():
             self._seeds[start] = episode_seed(self.seed, start, self.stream)
@@ -225,10 +219,8 @@ class PairedEpisodes(ABC):
     ) -> "list[Gain]":
         """Return the gains of challengers over the present tree.
 
-        Args:
-            challengers: The trees to compare with it.
-            few: Whether some of the starts are enough to see that a change does harm.
-            above: A smaller gain is hopeless, and may be given up early.
+        A few of the starts are enough to see that a change does harm. A gain that is not ``above``
+        is hopeless, and may be given up early.
         """
 
     def gains_of_moves(self, moves: Sequence[Move], *, few: bool = False) -> "list[Gain]":
@@ -237,24 +229,14 @@ class PairedEpisodes(ABC):
 
 
 class CommonEpisodes(PairedEpisodes):
-    """Episodes in an environment; none is given up, and few are a quarter of the starts.
+    """Episodes in an environment; none is given up, and few are a quarter of the starts."""
 
-    Args:
-        ground: Plays the trees.
-        n: Starts of a draw.
-        first: The first of all starts.
-
-    Attributes:
-        outcome: The returns and successes of the present tree.
-        traces: Each step of its episodes.
-    """
-
-    outcome: Outcome
-    traces: _Traces
+    outcome: Outcome  # the returns and successes of the present tree
+    traces: _Traces  # each step of its episodes
 
     def __init__(self, ground: Ground, n: int, first: int = 0) -> None:
         self.ground = ground
-        self.n = n
+        self.n = n  # starts of a draw
         self._begin = first - n
 
     @property

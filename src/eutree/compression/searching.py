@@ -32,24 +32,14 @@ Check = Callable[[TreePolicy], TreePolicy]
 
 
 class FrontSearch:
-    """Finds the best tree of each size.
-
-    Args:
-        policies: The trees to begin with; the first shows the range of returns.
-        episodes: The episodes in which trees are compared.
-        budget: Steps; the search ends with the size at which they are used up.
-        checked: Prepares a tree before it runs: puts the locked leaves in, or rounds it.
-
-    Attributes:
-        found: Trees of each size, the best first.
-    """
+    """Finds the best tree of each size."""
 
     def __init__(
         self,
-        policies: Sequence[TreePolicy],
-        episodes: PairedEpisodes,
-        budget: int,
-        checked: Check = merged,
+        policies: Sequence[TreePolicy],  # to begin with; the first shows the range of returns
+        episodes: PairedEpisodes,  # in which trees are compared
+        budget: int,  # steps; the search ends with the size at which they are used up
+        checked: Check = merged,  # before a tree runs: puts the locked leaves in, or rounds it
     ) -> None:
         self.episodes = episodes
         self._budget = budget
@@ -59,14 +49,12 @@ class FrontSearch:
             self._pool.setdefault(start.n_leaves, []).append((0.0, start))
         episodes.redraw(checked(policies[0]))
         self._first = episodes.mean_return
-        self.found: dict[int, list[TreePolicy]] = {}
+        self.found: dict[int, list[TreePolicy]] = {}  # of each size, the best first
 
     def run(self, least: int = 2, *, loses: float = 1.0) -> None:
         """Search from the largest size down to ``least`` leaves.
 
-        Args:
-            least: Fewest leaves to search.
-            loses: Share of the range of returns: a size at which more is lost is the last one.
+        A size at which more than the share ``loses`` of the range of returns is lost is the last.
         """
         size, lost = max(self._pool), 0.0
         scale = max(self.episodes.scale or 0.0, 1e-12)

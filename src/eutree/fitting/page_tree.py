@@ -46,12 +46,8 @@ class PageTree:
     """Makes the tree of a folder of demonstrations; a ``TreeMaker``.
 
     The tree is written beside the folder: ``demos-tree.json``, and ``demos-practised.json`` where
-    practice made it better.
-
-    Args:
-        folder: The folder of demonstrations.
-        make: Makes the environment where the tree plays and practises, without pictures.
-        seed: Seed of the games and of the practice.
+    practice made it better. ``make`` makes the environment where it plays and practises, without
+    pictures, and ``seed`` is that of both.
     """
 
     def __init__(

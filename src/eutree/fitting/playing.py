@@ -66,24 +66,16 @@ class Played:
 class Player:
     """Plays trees in one environment and counts every episode.
 
-    Args:
-        env: The environment in which trees play.
-        seed: Seed of all that is played; the episodes of a block are the same for every tree.
-        on_progress: Told after each episode.
-
-    Attributes:
-        world: The environment, unguarded: ``evaluate`` looks whether many copies can run side by
-            side.
-        episodes: How many were played.
+    The episodes of a block, made of the seed, are the same for every tree.
     """
 
     def __init__(
         self, env: gymnasium.Env[Any, Any], seed: int, on_progress: Progress | None = None
     ) -> None:
-        self.world = env
+        self.world = env  # unguarded: evaluate looks whether many copies can run side by side
         self._env, self._seed = GuardedEnv(env), seed
-        self.on_progress = on_progress
-        self.episodes = 0
+        self.on_progress = on_progress  # told after each episode
+        self.episodes = 0  # played so far
         self.begin("playing", 1)
 
     def begin(self, stage: str, most: int) -> None:

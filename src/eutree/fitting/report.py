@@ -125,9 +125,7 @@ def verdict(shown: Evaluation | None, tree: Evaluation) -> Standing:
 def result_in_words(result: Evaluation | None, measure: str = "") -> str:
     """Return the result of one side with its range: ``13 of 15 (62 to 97 %)``.
 
-    Args:
-        result: The episodes; None if there is none.
-        measure: The measure compared; by default successes where they are known, else returns.
+    The measure is by default successes where they are known, else returns.
     """
     if result is None:
         return "no episode played alone to its end"
