@@ -20,11 +20,7 @@ class TreeBuilder:
     def test(self, feature: int, threshold: float, *, parent: int, side: int) -> int:
         """Append a test; return the number of its node.
 
-        Args:
-            feature: Attribute tested.
-            threshold: Threshold of the test.
-            parent: Node that it is a child of; negative for the root.
-            side: 0 for the left child, 1 for the right one.
+        ``parent`` is negative for the root; ``side`` is 0 for its left child, 1 for the right one.
         """
         return self._add(feature, threshold, DecisionTree.NO_LEAF, parent, side)
 
@@ -71,14 +67,9 @@ def merge(tree: DecisionTree, labels: Integers) -> tuple[DecisionTree, Integers]
 
 
 def reachable(tree: DecisionTree, reached: Booleans) -> tuple[DecisionTree, Integers]:
-    """Return the tree without the tests that have a child which is not reached.
+    """Return the tree without the tests that have a child which is not reached, of its nodes [M].
 
-    Args:
-        tree: Tree of M nodes.
-        reached: Which nodes are reached, shape [M].
-
-    Returns:
-        The smaller tree, and which leaf of ``tree`` each of its leaves is, shape [L].
+    With it goes which leaf of ``tree`` each of its leaves is, shape [L].
     """
     return _without(tree, np.arange(tree.n_leaves), ~reached[tree.right], ~reached[tree.left])
 
@@ -114,10 +105,8 @@ def holding(tree: DecisionTree, leaves: Iterable[int]) -> Booleans:
 def rebuild(tree: DecisionTree, source: Integers, label: Integers) -> tuple[DecisionTree, Integers]:
     """Return the tree of the nodes that still stand, in preorder, and the labels of its leaves.
 
-    Args:
-        tree: Tree of M nodes.
-        source: The node that stands in each node's place: itself, or one below it, shape [M].
-        label: Label of each node that is a leaf now, ``INNER`` of the others, shape [M].
+    ``source`` [M] is the node that stands in each node's place: itself, or one below it; ``label``
+    [M] is that of a node that is a leaf now, ``INNER`` of the others.
     """
     built = TreeBuilder(tree.n_features)
     pending = [(int(source[0]), -1, 0)]
@@ -141,14 +130,8 @@ def graft(
     Tests of the stock with no kept leaf below them are gone, and so are tests of the scion that
     the tests above them answer already; each kept leaf has the box that it had.
 
-    Args:
-        stock: The tree with the leaves to keep.
-        kept: Label of each leaf to keep.
-        scion: The other tree.
-        labels: Label of each of its leaves, shape [L].
-
-    Returns:
-        The tree, the labels of its leaves, and which of them are the kept ones.
+    ``kept`` has the label of each leaf to keep, ``labels`` that of each leaf of the scion, shape
+    [L]. Returned are the tree, the labels of its leaves, and which of them are the kept ones.
     """
     holds = holding(stock, kept)
     built, marked = TreeBuilder(stock.n_features), []

@@ -105,11 +105,7 @@ class AskedTest(NamedTuple):
     threshold: float  # the largest value that goes left
 
     def condition(self, digits: Digits | None = None) -> str:
-        """Return the left branch in words, for example ``opponent_1 <= 8.25 m``.
-
-        Args:
-            digits: Which digits are shown; without, the number is exact.
-        """
+        """Return the left branch in words: ``opponent_1 <= 8.25 m``; exact without ``digits``."""
         one, cut = self.feature, self.threshold
         test = at_most(cut) if digits is None else digits.at_most(self.number, cut)
         return whole(one, -math.inf, cut) or f"{printable(one.name)} {test}{_of(one)}"
