@@ -157,11 +157,7 @@ def evaluate_starts(
 ) -> Evaluation:
     """Return how ``policy`` does from some of the starts of an evaluation with this seed.
 
-    Args:
-        policy: Anything with SB3's ``predict``.
-        env: The environment.
-        starts: Numbers of the episodes, ascending: episode k has ``episode_seed(seed, k)``.
-        seed: Seed of the evaluation.
+    The starts ascend; episode k has ``episode_seed(seed, k)``.
     """
     seeds = [episode_seed(seed, k) for k in starts]
     return _evaluate(policy, env, seeds, first=starts[0])
@@ -192,7 +188,12 @@ def _evaluate(
     policy = as_policy(controller, env)
     env = acting_for(env, policy, "policy")
     together = _side_by_side(policy, env, seeds) if len(seeds) > 1 else None
-    return _one_by_one(policy, env, seeds, first) if together is None else together
+    if together is not None:
+        return together
+    guarded = GuardedEnv(env)
+    guarded.episode += first  # a fault is to name the episode by its number
+    run = [run_episode(guarded, policy, seed) for seed in seeds]
+    return Evaluation.of(run, getattr(policy, "n_leaves", None))
 
 
 def _side_by_side(
@@ -211,15 +212,6 @@ def _side_by_side(
             return None
         parts.append(part)
     return Evaluation.join(parts)
-
-
-def _one_by_one(
-    policy: Policy, env: gymnasium.Env[Any, Any], seeds: Sequence[int], first: int
-) -> Evaluation:
-    guarded = GuardedEnv(env)
-    guarded.episode += first  # a fault is to name the episode by its number
-    run = [run_episode(guarded, policy, seed) for seed in seeds]
-    return Evaluation.of(run, getattr(policy, "n_leaves", None))
 
 
 def vector_form(env: gymnasium.Env[Any, Any]) -> MakeVector | None:

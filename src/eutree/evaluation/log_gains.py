@@ -97,20 +97,12 @@ class FittedLog:
         self,
         one: TreePolicy,
         other: TreePolicy,
-        episodes: Sequence[Episode],
-        limits: tuple[float, float],
+        episodes: Sequence[Episode],  # that nothing was fitted to
+        limits: tuple[float, float],  # lowest and highest return of an episode
         *,
-        most_weight: float,
+        most_weight: float,  # of a whole episode; could one be heavier, single deviations speak
     ) -> Gains:
-        """Return the estimated gains of acting by ``one`` in place of ``other``.
-
-        Args:
-            one: The tree in question.
-            other: The tree that it is compared with.
-            episodes: Episodes that nothing was fitted to.
-            limits: Lowest and highest return of an episode.
-            most_weight: Of a whole episode; where one could be heavier single deviations speak.
-        """
+        """Return the estimated gains of acting by ``one`` in place of ``other``."""
         every = (self.told(episode) for episode in (*self.episodes, *episodes))
         told = [_Differing(one, other, each) for each in every]
         largest = max(each.largest_weight for each in told)

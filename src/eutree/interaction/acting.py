@@ -60,10 +60,6 @@ class Actor:
         Where it is not allowed, and the policy knows of no masks, the one of the highest value if
         it has ``action_values``, else the first.
 
-        Args:
-            observation: The features at this step, shape [d].
-            allowed: Which actions are allowed, shape [A]; None for all.
-
         Raises:
             InvalidArgumentError: The policy's answer means no action.
         """

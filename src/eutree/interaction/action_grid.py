@@ -189,16 +189,13 @@ def with_grid(env: gymnasium.Env[Any, Any], grid: Grid) -> gymnasium.Env[Any, An
     present = grid_around(env)
     if present is None:
         return GriddedAction(env, grid)
-    _check_same_levels(present.controls, controls_of(grid))
-    return env
-
-
-def _check_same_levels(present: tuple[Control, ...], wanted: tuple[Control, ...]) -> None:
-    if [control.levels for control in present] != [control.levels for control in wanted]:
+    wanted = controls_of(grid)
+    if [control.levels for control in present.controls] != [control.levels for control in wanted]:
         raise InvalidArgumentError(
             f"{ACTION_GRID} must be that of the environment, which has one already, "
-            f"{plain_grid(present)}, got {plain_grid(wanted)}"
+            f"{plain_grid(present.controls)}, got {plain_grid(wanted)}"
         )
+    return env
 
 
 def controls_of(grid: Any) -> tuple[Control, ...]:
@@ -309,9 +306,6 @@ class ActionMasks:
 
         Of actions in parts the mask may be that of all parts, one after the other, as for
         sb3-contrib's MaskablePPO: an action is allowed if all its levels are.
-
-        Args:
-            info: The environment's dict with the present observation.
 
         Raises:
             InvalidArgumentError: It is no mask of the actions, or allows none.

@@ -83,12 +83,8 @@ def acting_as(env: gymnasium.Env[Any, Any], known: object) -> gymnasium.Env[Any,
     """Return ``env`` with the grid and the derived features that are known, where it has none.
 
     So a tree that chooses among levels can act where nobody has named any, and one that asks for a
-    derived feature where nobody has declared it.
-
-    Args:
-        env: The environment to act in.
-        known: A policy or demonstrations, whose schema names the quantities of the actions and the
-            derived features; or anything.
+    derived feature where nobody has declared it. ``known`` is a policy or demonstrations, whose
+    schema names both; or anything.
 
     Raises:
         InvalidArgumentError: The environment has a grid of other levels.

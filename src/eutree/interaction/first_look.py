@@ -40,9 +40,7 @@ Answer = tuple[bytes, str, bool, bool]  # the reward as text: a NaN is like anot
 def look_at(env: gymnasium.Env[Any, Any], seed: int | None) -> None:
     """Warn where observations are codes, where no time limit is named, and where none repeats.
 
-    Args:
-        env: The environment; nothing is done in it.
-        seed: Seed of the first episode; None where it was played before, and all this was said.
+    Nothing is done in the environment. Without a seed it was played before, and all this was said.
     """
     if seed is None:
         return
