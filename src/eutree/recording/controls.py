@@ -21,19 +21,13 @@ class Pace:
     """The time between two decisions, which can be slowed down, sped up and stopped.
 
     It has no clock: each call is given the time.
-
-    Args:
-        fps: Decisions per second at speed 1.
-
-    Attributes:
-        beat: Share of the interval that was over when it last began, or went on.
     """
 
     def __init__(self, fps: float) -> None:
-        self.fps = fps
+        self.fps = fps  # decisions per second at speed 1
         self.speed = 1.0
         self.turn_based = False
-        self.beat = 0.0
+        self.beat = 0.0  # share of the interval that was over when it last began, or went on
         self._began = 0.0
         self._stopped_at: float | None = 1.0  # share of the interval; None while running
 
@@ -101,27 +95,18 @@ class Pace:
 
 
 class Controls:
-    """The keys under a person's hands, in three modes (hold, toggle, turn-based), and their pace.
-
-    Attributes:
-        keys: The meaning of the keys.
-        pace: The times at which steps are due.
-        held: Keys that are down, in the order in which they went down.
-        action: The last action taken.
-        toggle: Whether a key switches its action on and off.
-        turn: The keys of a turn that waits to be taken; None if none does.
-    """
+    """The keys under a person's hands, in three modes: hold, toggle, turn-based; and their pace."""
 
     def __init__(self, keys: KeyMap, pace: Pace) -> None:
         self.keys, self.pace = keys, pace
-        self.held: dict[str, None] = {}
-        self.toggle = False
+        self.held: dict[str, None] = {}  # in the order in which they went down
+        self.toggle = False  # whether a key switches its action on and off
         self.start()
 
     def start(self) -> None:
         """Begin an episode: nothing is switched on, and the idle action was the last one."""
-        self.action = self.keys.idle or 0
-        self.turn: list[str] | None = None
+        self.action = self.keys.idle or 0  # the last one taken
+        self.turn: list[str] | None = None  # the keys of a turn that waits to be taken
         self._switched: int | None = None  # the action that is on, in the toggle mode
 
     def press(self, key: str) -> None:

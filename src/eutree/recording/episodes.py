@@ -242,28 +242,18 @@ class Recording:
 
 
 class Lessons:
-    """The segments that hurt, and the changes to them; the actions taken stay in the episodes.
-
-    Args:
-        recording: The episodes of the session.
-
-    Attributes:
-        hurts: Segments that cost the tree its success; set by the search that found them.
-        again: The segment that the next episode shows again; None for none.
-    """
+    """The segments that hurt, and the changes to them; the actions taken stay in the episodes."""
 
     def __init__(self, recording: Recording) -> None:
         self._recording = recording
-        self.hurts: tuple[HurtView, ...] = ()
-        self.again: Segment | None = None
+        self.hurts: tuple[HurtView, ...] = ()  # set by the search that found them
+        self.again: Segment | None = None  # that the next episode shows again
         self._before: dict[int, Episode] = {}  # the episodes that were changed last, as they were
 
     def teach(self, numbers: Iterable[int], how: str | None) -> bool:
-        """Cut or flip segments that hurt; return whether there was anything to change.
+        """Cut or flip groups of ``hurts``; return whether there was anything to change.
 
-        Args:
-            numbers: The places of these segments' groups in ``hurts``.
-            how: ``"cut"`` or ``"flip"``; None for the proposal of each.
+        ``how`` is ``"cut"`` or ``"flip"``; None for the proposal of each.
         """
         self._before = {}
         for number in numbers:

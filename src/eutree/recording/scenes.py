@@ -27,15 +27,10 @@ FEW = 4  # features in a sentence
 
 @dataclass(frozen=True)
 class Scene:
-    """An episode to show.
+    """An episode to show."""
 
-    Attributes:
-        seed: Seed of its reset.
-        why: The cause of its failure, in a sentence; empty if there is none, or none is known.
-    """
-
-    seed: int
-    why: str = ""
+    seed: int  # of its reset
+    why: str = ""  # the cause of its failure, in a sentence; empty if none, or none is known
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,12 +51,7 @@ class Programme:
 
 
 def worst_first(returns: Floats, successes: Sequence[bool] | None) -> tuple[list[int], int]:
-    """Return which episodes to show, and how many of them come first because they failed.
-
-    Args:
-        returns: Of all episodes, shape [E].
-        successes: Whether each one succeeded, [E]; None where nothing says so.
-    """
+    """Return which of E episodes to show, and how many of them come first because they failed."""
     failed = np.zeros(len(returns), bool) if successes is None else ~np.asarray(successes)
     order = np.lexsort((returns, ~failed)).tolist()
     n_failed = min(int(failed.sum()), MOST_FAILURES)
@@ -75,13 +65,8 @@ def missing(
 ) -> Scene | None:
     """Return an episode with a situation never shown, named in ``why``; None if none is found.
 
-    It is a failure in which one decision, taken otherwise, would have led to success.
-
-    Args:
-        policy: The tree of all demonstrations so far.
-        seeds: Seeds of episodes that it has played, [E].
-        successes: Whether each one succeeded, [E].
-        env: Where they are played again.
+    It is a failure in which one decision, taken otherwise, would have led to success. The seeds are
+    those of episodes that the tree of all demonstrations so far has played in ``env``.
     """
     failed = [seed for seed, success in zip(seeds, successes, strict=True) if not success]
     for seed in failed[:MOST_FAILURES]:
@@ -116,12 +101,7 @@ class Course:
         self.tests: tuple[str, ...] = ()
 
     def decide(self, observation: Floats, allowed: Booleans | None = None) -> int:
-        """Return the action at an observation, shape [d]; ``nodes`` and ``tests`` say why.
-
-        Args:
-            observation: The sensed values, shape [d].
-            allowed: Which actions are allowed, shape [A]; None for all.
-        """
+        """Return the action at an observation, shape [d]; ``nodes`` and ``tests`` say why."""
         policy = self.policy
         action, self._state = policy.predict(observation, self._state, action_masks=allowed)
         seen = observation if self._state is None else self._state[: policy.features.n_features]

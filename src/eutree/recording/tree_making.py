@@ -17,19 +17,12 @@ READY, FAILED = "ready", "failed"
 
 @dataclass(frozen=True, kw_only=True)
 class WayView:
-    """One way of doing the task, beside others, in JSON's types.
+    """One way of doing the task, beside others, in JSON's types."""
 
-    Attributes:
-        name: The name of its owner: ``"your tree"``, ``"practised"``.
-        cells: Its result, its time, its waiting and its risk, in words.
-        keep: The words of the button that chooses it; empty for a way without a tree.
-        is_kept: Whether it is the one on the page.
-    """
-
-    name: str
-    cells: tuple[str, ...]
-    keep: str = ""
-    is_kept: bool = False
+    name: str  # of its owner: "your tree", "practised"
+    cells: tuple[str, ...]  # its result, its time, its waiting and its risk, in words
+    keep: str = ""  # the words of the button that chooses it; empty for a way without a tree
+    is_kept: bool = False  # it is the one on the page
 
 
 @dataclass(frozen=True)
@@ -71,94 +64,56 @@ class Segment:
 
 @dataclass(frozen=True, kw_only=True)
 class StripView:
-    """The course of an episode: its actions, the keys held, the steps that hurt.
+    """The course of an episode: its actions, the keys held, the steps that hurt."""
 
-    Attributes:
-        number: Number of the episode.
-        runs: Action and number of steps, one after the other.
-        keys: Name of a key, first step and the one after the last, each time that it was held.
-        marks: First step and the one after the last.
-        words: The same in a sentence.
-    """
-
-    number: int
-    runs: tuple[tuple[int, int], ...]
-    keys: tuple[tuple[str, int, int], ...]
-    marks: tuple[tuple[int, int], ...]
-    words: str
+    number: int  # of the episode
+    runs: tuple[tuple[int, int], ...]  # action and number of steps, one after the other
+    keys: tuple[tuple[str, int, int], ...]  # name, first step and the one after the last, each time
+    marks: tuple[tuple[int, int], ...]  # first step and the one after the last
+    words: str  # the same in a sentence
 
 
 @dataclass(frozen=True, kw_only=True)
 class HurtView:
-    """Segments that cost the tree its success.
+    """Segments that cost the tree its success."""
 
-    Attributes:
-        what: ``"cut"``, ``"flip"`` or ``"show again"``.
-        title: The proposal, in words.
-        why: The common trait of the segments.
-        reached: The result of the tree with them, and without them.
-        segments: The consecutive steps of one action that are cut, flipped or shown again.
-        strips: The episodes that they are of, as many as can be looked at.
-    """
-
-    what: str
-    title: str
-    why: str
-    reached: str
-    segments: tuple[Segment, ...]
-    strips: tuple[StripView, ...]
+    what: str  # "cut", "flip" or "show again"
+    title: str  # the proposal, in words
+    why: str  # the common trait of the segments
+    reached: str  # the result of the tree with them, and without them
+    segments: tuple[Segment, ...]  # consecutive steps of one action: cut, flipped or shown again
+    strips: tuple[StripView, ...]  # the episodes that they are of, as many as can be looked at
 
 
 @dataclass(frozen=True, kw_only=True)
 class TreeView:
     """How far a tree is, in JSON's types.
 
-    Attributes:
-        phase: ``"fitting"``, ``"playing"``, ``"practising"``, ``"ready"`` or ``"failed"``.
-        message: The work under way, or the verdict: ``"you 13 of 15 (62 to
-            97 %); this tree 196 of 200 (94 to 100 %): better"``.
-        note: The consequence of it; may be empty.
-        finished: Episodes played or practised so far.
-        of: How many there will be; 0 where that is not known.
-        verdict: How it compares with the person: ``"better"``, ``"as good"``, ``"worse"``, ``"too
-            close to tell"`` or ``"not comparable"``; empty before.
-        may_gain: Whether practice may make it better, so that it is offered.
-        n_leaves: Leaves of the tree; 0 before there is one.
-        svg: Drawing of the tree; empty before there is one.
-        rules: The tree as nested rules.
-        curve: Episodes of practice, and the tree's result after them.
-        yours: The person's result, on the curve's scale; None if unknown.
-        is_share: Whether curve and ``yours`` are shares of successful episodes, else mean returns.
-        commands: The next commands for a shell, one a line.
-        columns: Heads of the columns of ``ways``.
-        ways: The person's own way, the tree of it, the practised one and smaller ones; empty before
-            practice.
-        changes: Sentences on the changes by practice.
-        hurts: Segments of the demonstrations that cost the tree its success.
-        was_searched: Whether these were looked for.
-        asks: Whether the tree was made without some of them, and is to be accepted or taken back.
+    ``message`` is the work under way, or the verdict: ``"you 13 of 15 (62 to 97 %); this tree 196
+    of 200 (94 to 100 %): better"``. ``verdict`` is how it compares with the person: ``"better"``,
+    ``"as good"``, ``"worse"``, ``"too close to tell"`` or ``"not comparable"``; empty before.
     """
 
-    phase: str
+    phase: str  # "fitting", "playing", "practising", "ready" or "failed"
     message: str = ""
-    note: str = ""
-    finished: int = 0
-    of: int = 0
+    note: str = ""  # the consequence of the message; may be empty
+    finished: int = 0  # episodes played or practised so far
+    of: int = 0  # how many there will be; 0 where that is not known
     verdict: str = ""
-    may_gain: bool = False
-    n_leaves: int = 0
-    svg: str = ""
-    rules: str = ""
-    curve: tuple[tuple[int, float], ...] = ()
-    yours: float | None = None
-    is_share: bool = True
-    commands: tuple[str, ...] = ()
-    columns: tuple[str, ...] = ()
-    ways: tuple[WayView, ...] = ()
-    changes: tuple[str, ...] = ()
-    hurts: tuple[HurtView, ...] = ()
-    was_searched: bool = False
-    asks: bool = False
+    may_gain: bool = False  # whether practice may make it better, so that it is offered
+    n_leaves: int = 0  # 0 before there is a tree
+    svg: str = ""  # drawing of the tree; empty before there is one
+    rules: str = ""  # the tree as nested rules
+    curve: tuple[tuple[int, float], ...] = ()  # episodes of practice, and the result after them
+    yours: float | None = None  # the person's result, on the curve's scale; None if unknown
+    is_share: bool = True  # curve and yours are shares of successful episodes, else mean returns
+    commands: tuple[str, ...] = ()  # the next ones for a shell, one a line
+    columns: tuple[str, ...] = ()  # heads of the columns of the ways
+    ways: tuple[WayView, ...] = ()  # own, tree, practised, smaller ones; empty before practice
+    changes: tuple[str, ...] = ()  # sentences on the changes by practice
+    hurts: tuple[HurtView, ...] = ()  # in the demonstrations
+    was_searched: bool = False  # whether these were looked for
+    asks: bool = False  # made without some of them, and to be accepted or taken back
 
 
 class Show(Protocol):
@@ -222,21 +177,13 @@ class Guide(Protocol):
 
 
 class Wishes:
-    """The person's wishes for the demonstrations, until they are taken up.
-
-    Args:
-        are_offered: Whether there is a ``TreeMaker``.
-
-    Attributes:
-        is_busy: Whether a tree is being made; set by its maker.
-        way: The way that was last chosen.
-        look: Whether to look for situations that were not shown so far.
-    """
+    """The person's wishes for the demonstrations, until they are taken up."""
 
     def __init__(self, are_offered: bool) -> None:
-        self.are_offered = are_offered
-        self.is_busy = False
-        self.way, self.look = 0, False
+        self.are_offered = are_offered  # there is a TreeMaker
+        self.is_busy = False  # whether a tree is being made; set by its maker
+        self.way = 0  # that was last chosen
+        self.look = False  # whether to look for situations that were not shown so far
         self._wish, self._is_leaving, self._was_made = "", False, False
 
     def express(self, name: str, way: float | str | None = None) -> None:

@@ -115,15 +115,11 @@ class Viewer:
 
     Only the newest view and the newest picture wait to be sent, so a slow connection shows fewer
     pictures, never old ones.
-
-    Args:
-        connection: The open socket.
-        client: The page's own name, the same after a reload.
     """
 
     def __init__(self, connection: "ServerConnection", client: str) -> None:
         self.connection = connection
-        self.client = client
+        self.client = client  # the page's own name, the same after a reload
         self.sequence = 0  # of the last key
         self.limit = RateLimit()
         self._sent: dict[str, Any] = {}
@@ -246,12 +242,7 @@ def _is_address(name: str) -> bool:
 
 
 class RateLimit:
-    """A bucket of messages that fills at a steady rate.
-
-    Args:
-        rate: Messages per second.
-        burst: How many may come at once.
-    """
+    """A bucket of messages that fills at a steady rate per second; a burst may come at once."""
 
     def __init__(self, rate: float = 250.0, burst: float = 500.0) -> None:
         self._rate, self._burst = rate, burst
