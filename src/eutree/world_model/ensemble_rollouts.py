@@ -149,11 +149,8 @@ def climbed_by_rollouts(
 ) -> ActionTree:
     """Return the tree after changes that pay in the rollouts, which end with it run.
 
-    Args:
-        tree: The tree to change.
-        rollouts: In which a change has to pay.
-        variant: Makes a variant of a tree whose episodes visit observations [K, d]; None if it
-            comes out too large or too small.
+    ``variant`` changes a tree whose episodes visit observations [K, d]; None if what it makes is
+    too large or too small.
     """
     rollouts.run(tree)
     best = rollouts.score(rollouts.returns)

@@ -84,16 +84,14 @@ class Transitions:
         return returns
 
     @cached_property
-    def failure_level(self) -> float:
-        """The mean return to go of transitions that go on; a last reward below it is bad."""
-        goes_on = ~self.terminated
-        return float(self.returns_to_go[goes_on].mean()) if goes_on.any() else 0.0
-
-    @cached_property
     def outcome(self) -> Floats:
-        """1 where an episode ended badly, -1 where it ended well, 0 elsewhere, shape [N]."""
-        kind = np.where(self.rewards < self.failure_level, 1.0, -1.0)
-        return np.where(self.terminated, kind, 0.0)
+        """1 where an episode ended badly, -1 where it ended well, 0 elsewhere, shape [N].
+
+        A last reward is bad below the mean return to go of transitions that go on.
+        """
+        goes_on = ~self.terminated
+        level = float(self.returns_to_go[goes_on].mean()) if goes_on.any() else 0.0
+        return np.where(goes_on, 0.0, np.where(self.rewards < level, 1.0, -1.0))
 
     @cached_property
     def episode_returns(self) -> Floats:
