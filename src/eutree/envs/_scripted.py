@@ -18,13 +18,9 @@ Rule = Callable[[Floats], Integers]  # [..., d] -> [...]
 
 
 class ScriptedPolicy(ABC):
-    """SB3's ``predict`` around a decision that needs no memory.
+    """SB3's ``predict`` around a decision that needs no memory."""
 
-    Attributes:
-        reads_features: It gets the vector of the environment's features, for any space.
-    """
-
-    reads_features = True
+    reads_features = True  # it gets the vector of the environment's features, for any space
 
     @abstractmethod
     def decide(self, observations: Floats) -> Integers:
@@ -239,12 +235,10 @@ class GatePolicy(ScriptedPolicy):
 class LookAheadPolicy(ScriptedPolicy):
     """Plans with perfect information: directions too, everybody without noise, to the goal.
 
-    At each step the best sequence of actions is found by going backward through all pairs of
-    time and number of steps gone; only its first action is taken. Coming nearer to an opponent
-    than the collision distance plus ``MARGIN`` costs, in proportion, up to a collision's price.
-
-    Args:
-        env: The environment whose full state is read at each step.
+    At each step the full state of ``env`` is read, and the best sequence of actions is found by
+    going backward through all pairs of time and number of steps gone; only its first action is
+    taken. Coming nearer to an opponent than the collision distance plus ``MARGIN`` costs, in
+    proportion, up to a collision's price.
     """
 
     def __init__(self, env: EvasionEnv) -> None:

@@ -80,14 +80,10 @@ def leaf_statistics(
 def returns_by_action(
     leaves: Labels, actions: Labels, returns: Floats, *, n_leaves: int, n_actions: int
 ) -> LeafStatistics:
-    """Return the mean return to go of each leaf and action, over the transitions given.
+    """Return the mean return to go of each leaf and action, over N transitions.
 
-    Args:
-        leaves: Leaf that each transition left, shape [N].
-        actions: Its action, shape [N].
-        returns: Sum of the rewards from it to the end of its episode, shape [N].
-        n_leaves: Number of leaves L.
-        n_actions: Number of actions A.
+    Of each transition are given the leaf that it left, its action, and the sum of the rewards from
+    it to the end of its episode.
     """
     shape, size = (n_leaves, n_actions), n_leaves * n_actions
     cells = leaves.astype(np.int64) * n_actions + actions  # [N]

@@ -78,11 +78,7 @@ def exact_tree(classifier: Any) -> tuple[DecisionTree, Booleans]:
 
 
 def float64_thresholds(thresholds: Floats) -> Floats:
-    """Return the largest float64 numbers that rounded to float32 are at most the thresholds.
-
-    Args:
-        thresholds: Finite, or NaN, which stays. Shape [M].
-    """
+    """Return the largest float64 numbers that in float32 are at most the thresholds; NaN stays."""
     with np.errstate(over="ignore"):
         below = thresholds.astype(np.float32)
         below = np.where(below > thresholds, np.nextafter(below, np.float32(-np.inf)), below)
