@@ -90,18 +90,12 @@ class Part(NamedTuple):
 
 @dataclass(frozen=True)
 class Declared:
-    """The state of a learner.
+    """The state of a learner."""
 
-    Attributes:
-        n_features: Number of features d of a stored observation.
-        n_actions: Number of actions A.
-        parts: All arrays; a size that several share is bound by the first.
-        sizes: Other sizes that are known beforehand, by the letters of axes.
-    """
-
-    n_features: int
-    n_actions: int
-    parts: tuple[Part, ...]
+    n_features: int  # d, of a stored observation
+    n_actions: int  # A
+    parts: tuple[Part, ...]  # all arrays; a size that several share is bound by the first
+    # Other sizes that are known beforehand, by the letters of axes.
     sizes: Mapping[str, int] = field(default_factory=dict)
 
 

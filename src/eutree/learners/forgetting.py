@@ -32,15 +32,11 @@ Labels = NDArray[np.integer[Any]]
 
 
 class LeafReservoirs:
-    """A reservoir for each leaf and action, of ``max_transitions`` together.
-
-    Attributes:
-        bounds: Bound of each reservoir, shape [L, A].
-    """
+    """A reservoir for each leaf and action, of ``max_transitions`` together."""
 
     def __init__(self, max_transitions: int, n_leaves: int, n_actions: int) -> None:
         self.max_transitions = max_transitions
-        self.bounds = np.full((n_leaves, n_actions), RANKS, dtype=np.uint64)
+        self.bounds = np.full((n_leaves, n_actions), RANKS, dtype=np.uint64)  # [L, A]
 
     def draw(self, n_steps: int, generator: np.random.Generator) -> Ranks:
         """Return a rank for each transition of an episode, shape [T]."""
@@ -75,15 +71,11 @@ class LeafReservoirs:
 
 
 class RecentEpisodes:
-    """The most recent episodes, and one reservoir of older ones, of ``max_transitions`` together.
-
-    Attributes:
-        bounds: Bound of the reservoir of older episodes, shape [1].
-    """
+    """The most recent episodes and one reservoir of older ones, of ``max_transitions`` together."""
 
     def __init__(self, max_transitions: int) -> None:
         self.max_transitions = max_transitions
-        self.bounds = np.full(1, RANKS, dtype=np.uint64)
+        self.bounds = np.full(1, RANKS, dtype=np.uint64)  # of the reservoir of older episodes
         self._warned = False
 
     def draw(self, n_steps: int, generator: np.random.Generator) -> Ranks:

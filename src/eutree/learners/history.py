@@ -90,13 +90,11 @@ class LeafRows:
             for none, its column ``side`` + "_link" is written here.
         side: "left" or "entered".
         n_leaves: Number of leaves.
-
-    Attributes:
-        lists: The lists, as compiled loops take them; other arrays after ``relist`` or ``split``.
     """
 
     def __init__(self, columns: Columns, side: str, n_leaves: int) -> None:
         self._columns, self._side, self._link = columns, side, f"{side}_link"
+        # As compiled loops take them; other arrays after ``relist`` or ``split``.
         self.lists = _no_rows(n_leaves)
 
     @property

@@ -153,17 +153,7 @@ class StepBudget(NamedTuple):
 
 
 class DistilledDQNLearner:
-    """A learner of this method.
-
-    Attributes:
-        stage: Where it is.
-        steps: Environment steps so far, demonstrations apart.
-        teacher: Who teaches.
-        network: The same, if it learns here; None where it was given.
-        dagger: DAgger's rounds.
-        challengers: The world model, and the trees that it speaks for.
-        races: The policy, and the trees that challenged it.
-    """
+    """A learner of this method."""
 
     def __init__(self, method: DistilledDQN, problem: Problem, start: Start) -> None:
         self._method = method
@@ -174,8 +164,8 @@ class DistilledDQNLearner:
         self._experience = experience = Experience(problem.n_features, start.episodes)
         history = experience.history
         self.stage = Stage.TEACHER
-        self.steps = 0
-        self.network: NetworkTeacher | None = None
+        self.steps = 0  # in the environment so far, demonstrations apart
+        self.network: NetworkTeacher | None = None  # who teaches, if it learns here
         self.teacher: ValuingPolicy
         if start.teacher is not None:
             self.teacher = start.teacher

@@ -124,11 +124,7 @@ FEW_RETURNS = 4  # below which a tree's mean says nothing
 
 
 class ImaginedChallengers:
-    """A world model, fitted to the experience, and the trees that it speaks for.
-
-    Attributes:
-        ensemble: The model; None before it is first fitted.
-    """
+    """A world model, fitted to the experience, and the trees that it speaks for."""
 
     def __init__(
         self,
@@ -145,7 +141,7 @@ class ImaginedChallengers:
         self._n_actions = n_actions
         self._max_leaves = max_leaves
         self._derivation = derivation
-        self.ensemble: Ensemble | None = None
+        self.ensemble: Ensemble | None = None  # before it is first fitted
 
     def make(self, n: int, generator: np.random.Generator) -> list[RacedTree]:
         """Fit the model to all that is known; return CART's trees and ``n`` others.

@@ -123,9 +123,7 @@ class Labels:
 def found_sums(labels: Labels, most: int) -> Sums:
     """Return the sums of features that shorten trees of labels, at most so many.
 
-    Args:
-        labels: With the features alone as columns, in the order in which they were met.
-        most: Most sums.
+    The labels have the features alone as columns, and are in the order in which they were met.
     """
     features = labels.columns
     sums = Sums(np.empty((0, features.shape[1])))

@@ -25,17 +25,12 @@ from eutree.world_model.action_trees import from_decision_tree, to_decision_tree
 
 
 class Experience:
-    """All episodes of a learner, the demonstrations first.
-
-    Attributes:
-        history: Their transitions.
-        n_shown: How many of these are of demonstrations.
-    """
+    """All episodes of a learner, the demonstrations first."""
 
     def __init__(self, n_features: int, demonstrations: Sequence[Episode]) -> None:
         self.history = History(n_features, 1)
         store_demonstrations(self.history, demonstrations)
-        self.n_shown = self.history.size
+        self.n_shown = self.history.size  # how many of the transitions are of demonstrations
 
     @property
     def mean_length(self) -> float:
@@ -76,11 +71,7 @@ class Experience:
 
 
 class Students:
-    """The actions of a teacher at observations, and trees that copy them.
-
-    Attributes:
-        sums: What their tests may ask for besides features; None before it is looked for.
-    """
+    """The actions of a teacher at observations, and trees that copy them."""
 
     def __init__(
         self,
@@ -91,6 +82,7 @@ class Students:
         self._action_values = action_values
         self._n_actions = n_actions
         self._masks = masks
+        # What tests may ask for besides features; None before it is looked for.
         self.sums: Sums | None = None
         self.begin(0)
 
@@ -123,14 +115,10 @@ class Students:
         weighted: bool = False,
         labels: Int32s | None = None,
     ) -> ActionTree:
-        """Return a tree of at most so many leaves.
+        """Return a tree of at most so many leaves, of all observations that are stored, [N, d].
 
-        Args:
-            observations: All that are stored, shape [N, d]: those of before and new ones.
-            max_leaves: Most leaves.
-            weighted: Whether an observation counts by max_a Q - min_a Q there, as in VIPER
-                (Bastani, Pu and Solar-Lezama 2018).
-            labels: Actions to copy in place of the teacher's, shape [N].
+        A weighted observation counts by max_a Q - min_a Q there, as in VIPER (Bastani, Pu and
+        Solar-Lezama 2018). ``labels`` [N] are copied in place of the teacher's actions.
         """
         rows, classes, weights = observations, labels, None
         if classes is None:
@@ -230,9 +218,8 @@ def best_of(values: Floats, allowed: Booleans | None) -> Integers:
 class NetworkTeacher:
     """A Double DQN that learns from a run's episodes, the demonstrations first.
 
-    Attributes:
-        policy: The network; as a policy it decides by its averaged weights.
-        known: How many episodes it has learned from, with the demonstrations.
+    ``known`` is how many episodes it has learned from, with the demonstrations. The network decides
+    by its averaged weights as a policy.
     """
 
     def __init__(
