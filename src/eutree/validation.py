@@ -211,11 +211,7 @@ def check_seed(seed: object) -> int:
 
 
 def data_frame(columns: Mapping[str, Any], *, index: Mapping[str, Any]) -> Any:
-    """Return a ``pandas.DataFrame``.
-
-    Args:
-        columns: The columns by name, each of shape [N].
-        index: The levels of its index by name, each of shape [N].
+    """Return a ``pandas.DataFrame`` of columns, and of levels of its index, by name, each [N].
 
     Raises:
         MissingExtraError: pandas is not installed.

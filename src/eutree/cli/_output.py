@@ -273,10 +273,8 @@ def said_what_is_played(
 ) -> AbstractContextManager[None]:
     """Report how much this process has played, where that takes long, while the context lasts.
 
-    Args:
-        total: How many episodes, or steps, there will be.
-        steps: Count steps.
-        less: What a user may do about it; then it is said once.
+    There will be ``total`` episodes, or steps. ``less`` is what a user may do about it; then it is
+    said once.
     """
     return _heard("eutree.interaction.episode", _Counting(total, steps, less))
 

@@ -143,15 +143,9 @@ class EpisodeJournal:
         truncated: bool = False,
         steps: dict[str, StepValue] | None = None,
     ) -> None:
-        """Add one step: the action, and the environment's answer.
+        """Add one step: the action, and the environment's answer to it, in finite numbers.
 
-        Args:
-            action: The number of the action.
-            reward: The reward; finite.
-            observation: The values sensed after the action, shape [d]; finite.
-            terminated: Whether the task ended the episode.
-            truncated: Whether a limit cut it short.
-            steps: One value (or one list of them) for each array in ``Episode.steps``.
+        ``steps`` has one value (or one list of them) for each array in ``Episode.steps``.
         """
         sensed = check_vector("observation", observation, size=self._n_features)
         if steps is not None and len(steps) > MAX_STEP_VALUES:

@@ -75,14 +75,10 @@ def read_minari(dataset_id: str) -> _Content:
 
 
 def write_minari(dataset_id: str, content: _Content) -> None:
-    """Write a new dataset into Minari's local folder.
+    """Write a new dataset, ``eutree/evasion2/human-v0`` say, into Minari's local folder.
 
     With it goes the environment, for ``recover_environment``. Where it is not registered, or cannot
     be written as text, there is a warning and the dataset stores none.
-
-    Args:
-        dataset_id: Its id, ending in a version: ``eutree/evasion2/human-v0``.
-        content: The fields of the ``Demonstrations`` to write.
 
     Raises:
         FileError: The dataset exists, or cannot be written.

@@ -82,11 +82,8 @@ def annealed_together(
 ) -> list[ActionTree]:
     """Return the best of what each of some larger policies became, at most ``max_leaves`` in size.
 
-    Args:
-        rollouts: Those of each policy, which they have run; few are enough.
-        improvement: The price of a leaf, and how many are allowed.
-        scale: A typical size of returns.
-        changes: How many each of them tries.
+    Each of them has run in its rollouts, few of which are enough, and tries so many changes.
+    ``scale`` is a typical size of returns.
     """
     generator, allowed = rollouts[0].generator, improvement.max_leaves
     spare = max(n_leaves(one.policy) for one in rollouts) - allowed

@@ -138,10 +138,7 @@ def changed_leaves(
 ) -> dict[int, LeafChange]:
     """Return the leaves of ``after`` that decide recorded steps otherwise than ``before``.
 
-    Args:
-        before: The earlier policy.
-        after: The later policy, of the same features and actions.
-        observations: Recorded observations, shape [N, d], in the features of both trees.
+    The observations of these steps, shape [N, d], are in the features of both trees.
     """
     before.schema.check_same(after.schema, "the later policy", of="the earlier")
     rows = check_observations("observations", observations, names=after.schema.feature_names)
