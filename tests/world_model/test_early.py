@@ -138,3 +138,36 @@ def test_planning_learns_what_breaks(shown):
     outcome = eutree.evaluate(learned.policy, Hazard(), episodes=200, seed=99)
     assert learned.policy.n_leaves <= 3
     assert outcome.mean_return > 17.0  # of 18; slow alone earns 10, fast alone -16
+
+
+def test_what_a_mask_forbids_does_what_was_done_in_its_place():
+    """The second action pays 2, and is masked above 0.5, where another one earns 0.5."""
+    generator = np.random.default_rng(0)
+    seen = generator.random((4000, 1))
+    allowed = np.ones((4000, 2), dtype=bool)
+    allowed[:, 1] = seen[:, 0] <= 0.5
+    actions = np.where(allowed[:, 1], generator.integers(2, size=4000), 0)
+    then, episodes = np.roll(seen, -1, axis=0), np.arange(4000) // LENGTH
+    paid, never = np.where(actions == 1, 2.0, 0.5), np.zeros(4000, dtype=bool)
+    columns = seen, actions, paid, then, never, episodes
+    for known, mean in ((allowed, 0.5 * 2.0 + 0.5 * 0.5), (None, 2.0)):
+        rollouts = PairedRollouts(
+            model_of(Transitions(*columns, 2, allowed=known)), 200, 1.0, generator
+        )
+        rollouts.run(packed(1))
+        assert rollouts.mean_return / LENGTH == pytest.approx(mean, abs=0.1)
+
+
+def test_an_action_that_is_seldom_allowed_is_forbidden_in_the_same_share_of_its_rows():
+    generator = np.random.default_rng(0)
+    allowed = np.ones((3000, 2), dtype=bool)
+    allowed[:, 1] = generator.random(3000) < 0.25  # nothing that is observed tells when
+    actions = np.where(allowed[:, 1] & (generator.random(3000) < 0.2), 1, 0)
+    seen, never = generator.random((3000, 1)), np.zeros(3000, dtype=bool)
+    paid = np.where(actions == 1, 4.0, 0.0)
+    columns = seen, actions, paid, np.roll(seen, -1, axis=0), never, np.arange(3000) // LENGTH
+    rollouts = PairedRollouts(
+        model_of(Transitions(*columns, 2, allowed=allowed)), 200, 1.0, generator
+    )
+    rollouts.run(packed(1))
+    assert rollouts.mean_return / LENGTH == pytest.approx(0.25 * 4.0, abs=0.15)

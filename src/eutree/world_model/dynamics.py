@@ -214,6 +214,7 @@ SHORT = 8  # leaves
 MIN_LEAF = 8
 GOOD_ENOUGH = 1e-4  # share of the variation that need not be explained
 EXACT = 1e-6  # the same of rewards
+ROUNDING = 1e-9  # share of the mean square of rewards that is no variation
 
 
 @dataclass(frozen=True, eq=False)
@@ -258,26 +259,26 @@ def fit_world_models(
         pessimism_levels: Share of the gap between safe and fatal transitions that counts as fatal.
         max_leaves: Most leaves of a tree of displacements.
     """
-    chosen = np.eye(data.n_actions)[data.actions]  # [N, A]
-    before = _design(data.observations, data.previous_displacements, chosen)
-    after = _design(data.next_observations, data.displacements, chosen)
-    everything = np.arange(data.rewards.size)
-    d = data.observations.shape[1]
+    rows, actions = _done(data)
+    outcome, places = data.outcome[rows], data.next_observations[rows]
+    displacements, chosen = data.displacements[rows], np.eye(data.n_actions)[actions]  # [N, A]
+    before = _design(data.observations[rows], data.previous_displacements[rows], chosen)
+    after = _design(places, displacements, chosen)
+    everything, d = np.arange(rows.size), data.observations.shape[1]
     moves = [
-        _grow(before, data.displacements[:, i], everything, max_leaves=max_leaves) for i in range(d)
+        _grow(before, displacements[:, i], everything, max_leaves=max_leaves) for i in range(d)
     ]
-    bad, good = data.outcome > 0, data.outcome < 0
-    kinds = ~data.terminated, bad, good
-    rewards = [_paid(before, after, data.rewards, _rows(kind)) for kind in kinds]
-    places = data.next_observations
+    bad, good = outcome > 0, outcome < 0
+    kinds = ~data.terminated[rows], bad, good
+    rewards = [_paid(before, after, data.rewards[rows], _rows(kind)) for kind in kinds]
     ends = [(_ended(before.X, places, kind), sign) for kind, sign in ((bad, 1.0), (good, -1.0))]
     starts = np.ascontiguousarray(data.observations[data.first])
     models = []
     for gap in pessimism_levels:
         seen = [  # the leaves of an early tree are shares that were counted: nothing is unknown
-            (tree.seen(before.X, data.outcome, gap, 0.0), True)
+            (tree.seen(before.X, outcome, gap, 0.0), True)
             if early
-            else (tree.seen(places, data.outcome, gap, sign), False)
+            else (tree.seen(places, outcome, gap, sign), False)
             for (tree, early), sign in ends
         ]
         chances = [(_as_tree(tree, before.X.shape[1]), early) for tree, early in seen]
@@ -289,6 +290,29 @@ def fit_world_models(
     return tuple(models)
 
 
+def _done(data: Transitions) -> tuple[Integers, Integers]:
+    """Return the transitions, and what did each: its action, or one that was forbidden there.
+
+    What a mask forbids gives way to another action. On the mean it is what was done in its place.
+    An action is forbidden in the share of its rows in which it is forbidden in all, or in less,
+    where these rows were more than the transitions.
+    """
+    n = data.actions.size
+    if data.allowed is None:
+        return np.arange(n), data.actions
+    n_forbidden = np.count_nonzero(~data.allowed, axis=0)
+    tried = np.bincount(data.actions, minlength=data.n_actions)
+    wanted = tried * n_forbidden / np.maximum(n - n_forbidden, 1)
+    wanted = np.ceil(wanted * min(1.0, n / max(wanted.sum(), 1.0))).astype(np.int64)
+    rows, actions = [np.arange(n)], [data.actions]
+    for action in np.flatnonzero(wanted):
+        at = np.flatnonzero(~data.allowed[:, action])
+        places = np.linspace(0, at.size - 1, min(wanted[action], at.size))
+        rows.append(at[places.astype(np.int64)])
+        actions.append(np.full(places.size, action))
+    return np.concatenate(rows), np.concatenate(actions)
+
+
 # What a step earns, and whether it ends, is told by the tree over where it leads, or *early*, by
 # the one over where it is taken: a wager, a tool that breaks. Where both tell it, the first stays.
 
@@ -298,7 +322,7 @@ def _paid(
 ) -> tuple[ModelTree, bool]:
     """Return the tree of a reward that describes some rows best, and whether it tells it early."""
     late = _grow(after, y, rows, min_leaf=1, floor=EXACT)
-    enough = EXACT * float(np.square(y[rows] - y[rows].mean()).sum())
+    enough = EXACT * rows.size * float(y[rows].var() + ROUNDING * np.square(y[rows]).mean())
     if _error(late) <= enough and np.count_nonzero(late.feature < 0) <= SHORT:
         return late, False
     # Short trees, which cannot learn the rows by heart, are compared.
