@@ -259,7 +259,7 @@ def fit_world_models(
         pessimism_levels: Share of the gap between safe and fatal transitions that counts as fatal.
         max_leaves: Most leaves of a tree of displacements.
     """
-    rows, actions = _done(data)
+    rows, actions = _with_forbidden(data)
     outcome, places = data.outcome[rows], data.next_observations[rows]
     displacements, chosen = data.displacements[rows], np.eye(data.n_actions)[actions]  # [N, A]
     before = _design(data.observations[rows], data.previous_displacements[rows], chosen)
@@ -290,7 +290,7 @@ def fit_world_models(
     return tuple(models)
 
 
-def _done(data: Transitions) -> tuple[Integers, Integers]:
+def _with_forbidden(data: Transitions) -> tuple[Integers, Integers]:
     """Return the transitions, and what did each: its action, or one that was forbidden there.
 
     What a mask forbids gives way to another action. On the mean it is what was done in its place.
