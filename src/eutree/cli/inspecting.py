@@ -149,7 +149,7 @@ def verify(
         {
             "holds": holds,
             "answers": [
-                figures_of(answer, "property holds share")
+                figures_of(answer, "property holds share note")
                 | {
                     "counter_examples": [
                         figures_of(example, "words leaf point raised share occurs")

@@ -1,8 +1,9 @@
 """Exact answers to questions about a policy, by intersecting boxes: a proof or a counter-example.
 
 Everything is decided over the doubles: a property that holds does so for every observation within
-the schema's bounds, and the point of a counter-example is an observation that breaks it. NaN, which
-is no number and takes the right branch of every test, is outside of every statement.
+the schema's bounds, and the point of a counter-example is an observation that breaks it. NaN takes
+the right branch of every test. It is outside of every statement where it is observed, not where it
+is derived of numbers. Masks are: all actions are taken to be allowed.
 """
 
 from collections.abc import Callable, Iterator
