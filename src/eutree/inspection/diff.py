@@ -15,6 +15,8 @@ from eutree.trees.boxes import differing, possible, volumes
 from eutree.trees.text import Digits, asked, printable
 from eutree.validation import check_kind, check_observations
 
+_MOST_PARTS = 1000  # of a box in which an observation is looked for: there are many boxes
+
 
 @dataclass(frozen=True)
 class Disagreement:
@@ -110,7 +112,7 @@ def diff(
     low, high, actions = _joined(low[real], high[real], actions[real])
     digits = Digits(mine, first.tree, second.tree)
     wide = ((high - low > SAME * np.array(digits.widths)) | (low <= inside.low)).all(axis=1)
-    occurring = Occurring(mine)
+    occurring = Occurring(mine, most=_MOST_PARTS)
     occurs = [occurring.within(Region(*box)) is not None for box in zip(low, high, strict=True)]
     kept = wide & np.array(occurs, dtype=bool)
     low, high, actions = low[kept], high[kept], actions[kept]

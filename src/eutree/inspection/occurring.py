@@ -21,7 +21,7 @@ from eutree.inspection.regions import Region, is_box
 from eutree.schema import Schema
 from eutree.trees.boxes import possible
 
-MOST_PARTS = 20_000  # of one box that are looked at; then the question is left open
+MOST_PARTS = 20_000
 _AT_ONCE = 256  # the latest ones, so that a first observation is found soon
 _LARGEST = float(np.finfo(np.float64).max)
 _WIDE = 16.0  # so many times as large: halved by magnitude
@@ -57,17 +57,21 @@ class Occurring:
             whole, and one category of each group.
         free: The features of which nothing is asked: a derived one may be NaN, which is in no box,
             but takes the right branch of every test.
+        most: Parts of one box that are looked at; then the question is left open. None for
+            ``MOST_PARTS``.
     """
 
     schema: Schema
     everywhere: bool = False
     free: frozenset[int] = frozenset()
+    most: int | None = None
 
     def within(self, box: Region) -> Occurrence | None:
         """Look for an observation in a box; None where there is none."""
         if not self._formulas:  # any point is one
             return Occurrence(box.point(self.schema), True)
-        parts, left = np.stack([box.low, box.high])[:, np.newaxis], MOST_PARTS
+        parts = np.stack([box.low, box.high])[:, np.newaxis]
+        left = MOST_PARTS if self.most is None else self.most
         parts[1] = np.minimum(parts[1], _LARGEST)
         while parts.shape[1]:
             if left <= 0:
