@@ -15,7 +15,7 @@ from eutree.trees.boxes import differing, possible, volumes
 from eutree.trees.text import Digits, asked, printable
 from eutree.validation import check_kind, check_observations
 
-_MOST_PARTS = 1000  # of a box in which an observation is looked for: there are many boxes
+_MOST_PARTS = 300  # of a box in which an observation is looked for: there are many boxes
 
 
 @dataclass(frozen=True)
