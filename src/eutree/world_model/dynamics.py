@@ -210,7 +210,7 @@ def _tests(X: Floats, y: Booleans, rows: Integers) -> list[tuple[int, float]]:
 
 
 MAX_LEAVES = 64
-SHORT = 8  # leaves
+SHORT, MANY = 8, 200  # leaves; rows of rewards that tell two descriptions apart
 MIN_LEAF = 8
 GOOD_ENOUGH = 1e-4  # share of the variation that need not be explained
 EXACT = 1e-6  # the same of rewards
@@ -323,14 +323,20 @@ def _paid(
     """Return the tree of a reward that describes some rows best, and whether it tells it early."""
     late = _grow(after, y, rows, min_leaf=1, floor=EXACT)
     enough = EXACT * rows.size * float(y[rows].var() + ROUNDING * np.square(y[rows]).mean())
-    if _error(late) <= enough and np.count_nonzero(late.feature < 0) <= SHORT:
+    if rows.size < MANY or _is_told(late, enough):
         return late, False
     # Short trees, which cannot learn the rows by heart, are compared.
     short = [_error(_grow(one, y, rows, max_leaves=SHORT, floor=EXACT)) for one in (before, after)]
-    early, other = (rows.size * np.log(max(one, enough)) for one in short)
-    if early + CLEARLY >= other:
+    there, then = (rows.size * np.log(max(one, enough)) for one in short)
+    if there + CLEARLY >= then:
         return late, False
-    return _grow(before, y, rows, floor=EXACT), True
+    exact = _grow(before, y, rows, min_leaf=1, floor=EXACT)
+    return exact if _is_told(exact, enough) else _grow(before, y, rows, floor=EXACT), True
+
+
+def _is_told(tree: ModelTree, enough: float) -> bool:
+    """Return whether a tree of a few leaves leaves nothing unexplained."""
+    return _error(tree) <= enough and np.count_nonzero(tree.feature < 0) <= SHORT
 
 
 def _error(tree: ModelTree) -> float:
