@@ -336,7 +336,7 @@ def _paid(
 
 def _is_told(tree: ModelTree, enough: float) -> bool:
     """Return whether a tree of a few leaves leaves nothing unexplained."""
-    return _error(tree) <= enough and np.count_nonzero(tree.feature < 0) <= SHORT
+    return _error(tree) <= enough and len(tree.feature) < 2 * SHORT
 
 
 def _error(tree: ModelTree) -> float:
