@@ -210,7 +210,7 @@ def _tests(X: Floats, y: Booleans, rows: Integers) -> list[tuple[int, float]]:
 
 
 MAX_LEAVES = 64
-SHORT, MANY = 8, 200  # leaves; rows of rewards that tell two descriptions apart
+SHORT, MANY = 8, 2000  # leaves; rewards, of fewer of which none is told early
 MIN_LEAF = 8
 GOOD_ENOUGH = 1e-4  # share of the variation that need not be explained
 EXACT = 1e-6  # the same of rewards
