@@ -112,10 +112,11 @@ def diff(
     low, high, actions = _joined(low[real], high[real], actions[real])
     digits = Digits(mine, first.tree, second.tree)
     wide = ((high - low > SAME * np.array(digits.widths)) | (low <= inside.low)).all(axis=1)
-    occurring = Occurring(mine, most=_MOST_PARTS)
-    occurs = [occurring.within(Region(*box)) is not None for box in zip(low, high, strict=True)]
-    kept = wide & np.array(occurs, dtype=bool)
-    low, high, actions = low[kept], high[kept], actions[kept]
+    low, high, actions = low[wide], high[wide], actions[wide]
+    if mine.derived:
+        found = map(Occurring(mine, most=_MOST_PARTS).within, map(Region, low, high))
+        occurs = np.array([one is not None for one in found], dtype=bool)
+        low, high, actions = low[occurs], high[occurs], actions[occurs]
     shares = volumes(low, high, box_low, box_high, mine)
     visited = None if seen is None else _visits(low, high, inside, seen)
     order = np.lexsort([-shares] if visited is None else [-shares, -visited])

@@ -57,8 +57,7 @@ class Occurring:
             whole, and one category of each group.
         free: The features of which nothing is asked: a derived one may be NaN, which is in no box,
             but takes the right branch of every test.
-        most: Parts of one box that are looked at; then the question is left open. None for
-            ``MOST_PARTS``.
+        most: Parts of a box that are looked at, then it is left open; None for ``MOST_PARTS``.
     """
 
     schema: Schema

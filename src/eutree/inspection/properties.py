@@ -20,6 +20,7 @@ double quotes, as JSON strings.
 import itertools
 import json
 import math
+import operator
 import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
@@ -37,12 +38,12 @@ from eutree.trees.text import printable
 _TOKEN = re.compile(r'\s*("(?:[^"\\]|\\.)*"|<=|>=|<|>|=|[^\s<>=]+)')
 _COMMA = re.compile(r',(?=(?:[^"\\]|\\.|"(?:[^"\\]|\\.)*")*$)')  # outside of quotes
 _FLIPPED = {"<": ">", "<=": ">=", ">": "<", ">=": "<=", "=": "="}
-_HOLDS: dict[str, Callable[[float, float], bool]] = {  # levels are shown with few digits
-    "<": lambda level, value: level < value and not math.isclose(level, value),
-    "<=": lambda level, value: level < value or math.isclose(level, value),
-    ">": lambda level, value: level > value and not math.isclose(level, value),
-    ">=": lambda level, value: level > value or math.isclose(level, value),
-    "=": math.isclose,
+_HOLDS: dict[str, Callable[[float, float], bool]] = {
+    "<": operator.lt,
+    "<=": operator.le,
+    ">": operator.gt,
+    ">=": operator.ge,
+    "=": operator.eq,
 }
 KINDS = ("never", "always", "monotone", "no dead leaves")
 
@@ -151,7 +152,9 @@ class _PropertyParser:
         holds = _HOLDS[self._comparison()]
         value = self._amount(self.schema.controls[control].unit)
         levels = [values[control] for values in self.schema.action_values]
-        found = frozenset(action for action, level in enumerate(levels) if holds(level, value))
+        # Levels are shown with few digits: one that is as close as that is the value.
+        gaps = [0.0 if math.isclose(level, value) else level - value for level in levels]
+        found = frozenset(action for action, gap in enumerate(gaps) if holds(gap, 0.0))
         if not found or len(found) == len(levels):
             self._fail(f"some but not all of {sorted(set(levels))} in what it says of the quantity")
         return found

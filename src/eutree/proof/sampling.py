@@ -78,7 +78,7 @@ def certify_sample(
     sampling = sampling or Sampling()
     asked = asked_of_episodes(question, environment, sampling)
     n, successes = evaluation.episodes, evaluation.successes
-    basis = f"in {environment}, with {100 * sampling.confidence:g} % confidence by {n:,} episodes"
+    confident = f"with {100 * sampling.confidence:g} % confidence by {n:,} episodes"
     if asked is not None and asked.kind == "succeeds" and successes is None:
         raise InvalidArgumentError(
             f"{environment} reports no success (is_success in the info of a last step); ask for "
@@ -86,9 +86,9 @@ def certify_sample(
         )
     if asked is None or (asked.kind == "succeeds" and asked.chance is None):
         bounds, words = _plain(evaluation, sampling)
-        if len(bounds) > 1:
-            basis = basis.replace(", with", ", each with")
-        return Certificate(f"{basis}: {words}", STATISTICAL, PROVEN, bounds, work={"episodes": n})
+        each = "each " if len(bounds) > 1 else ""
+        sentence = f"in {environment}, {each}{confident}: {words}"
+        return Certificate(sentence, STATISTICAL, PROVEN, bounds, work={"episodes": n})
     least = float(asked.least or 0.0)
     if asked.chance is None:
         name, found = "mean_return", mean_bounds(evaluation.returns, sampling)
@@ -101,7 +101,8 @@ def certify_sample(
     verdict = PROVEN if found.low >= least else REFUTED if found.high < least else UNDECIDED
     holds = {PROVEN: "holds", REFUTED: "does not hold", UNDECIDED: "is open"}[verdict]
     return Certificate(
-        sentence=f"{basis}: '{asked.text}' {holds}; {name.replace('_', ' ')} is in {_words(found)}",
+        sentence=f"in {environment}, {confident}: '{asked.text}' {holds}; "
+        f"{name.replace('_', ' ')} is in {_words(found)}",
         kind=STATISTICAL,
         verdict=verdict,
         bounds={name: found},

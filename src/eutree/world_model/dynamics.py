@@ -275,14 +275,12 @@ def fit_world_models(
     starts = np.ascontiguousarray(data.observations[data.first])
     models = []
     for gap in pessimism_levels:
-        seen = [  # the leaves of an early tree are shares that were counted: nothing is unknown
-            (tree.seen(before.X, outcome, gap, 0.0), True)
-            if early
-            else (tree.seen(places, outcome, gap, sign), False)
-            for (tree, early), sign in ends
-        ]
-        chances = [(_as_tree(tree, before.X.shape[1]), early) for tree, early in seen]
-        trees = _told(moves, [*rewards, *chances], data.n_actions)
+        chances = []
+        for (tree, early), sign in ends:
+            # The leaves of an early tree are shares that were counted: nothing is unknown.
+            X, shift = (before.X, 0.0) if early else (places, sign)
+            chances.append((_as_tree(tree.seen(X, outcome, gap, shift), before.X.shape[1]), early))
+        trees = _told(moves, [*rewards, *chances])
         n_hidden = len(trees) - 5 - d
         world = unrolled(trees, data.derivation, data.n_actions)
         model = WorldModel(trees, world, starts, data.horizon(), data.n_actions, n_hidden)
@@ -355,7 +353,7 @@ def _ended(X: Floats, places: Floats, y: Booleans) -> tuple[TerminationTree, boo
 
 
 def _told(
-    moves: Sequence[ModelTree], outcomes: Sequence[tuple[ModelTree, bool]], n_actions: int
+    moves: Sequence[ModelTree], outcomes: Sequence[tuple[ModelTree, bool]]
 ) -> tuple[ModelTree, ...]:
     """Return the trees of a world: what is told early moves a number that is hidden."""
     d, n_hidden = len(moves), sum(early for _, early in outcomes)
