@@ -170,6 +170,22 @@ def test_transitions_know_their_episodes():
     assert data.recent(50).first[0]
 
 
+@pytest.mark.parametrize("constant", [0.0, 100.0, -1e6])
+def test_a_constant_is_nothing_to_win(constant):
+    data = walks(30, 0)
+    constants = np.where(data.first, constant, 0.0)
+    moved = replace(data, rewards=data.rewards + constants)
+    most = 4.0 * np.ptp(data.episode_returns)
+    assert moved.typical_return == pytest.approx(
+        min(np.abs(data.episode_returns + constant).mean(), most)
+    )
+    same = replace(data, rewards=np.where(data.last, 3.0, 0.0))  # nothing is told by their range
+    assert same.typical_return == 3.0
+    few = moved.recent(40)
+    assert few.episode_returns.size < 30
+    assert few.typical_return == np.abs(few.episode_returns).mean()
+
+
 def test_what_is_imagined_is_what_happens():
     rollouts = rollouts_of(walks(800, 3), n_episodes=2000)
     rollouts.run(packed(GO))

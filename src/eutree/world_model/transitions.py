@@ -14,6 +14,7 @@ from eutree.schema import Schema
 
 NOTHING_DERIVED = Derivation(0)
 MOST_CELLS = 1024  # that are counted
+_MANY_RETURNS = 30  # whose range is told
 
 
 def countable(schema: Schema) -> bool:
@@ -100,8 +101,14 @@ class Transitions:
 
     @property
     def typical_return(self) -> float:
-        """The mean size of a return, above 0: the unit of prices."""
-        return max(float(np.abs(self.episode_returns).mean()), 1e-9)
+        """The mean size of a return, above 0: the unit of prices.
+
+        At most four times the range of many returns: a constant of rewards is nothing to win.
+        """
+        returns = self.episode_returns
+        size, spread = float(np.abs(returns).mean()), 4.0 * float(np.ptp(returns))
+        told = returns.size >= _MANY_RETURNS and spread > 1e-9 * size
+        return max(min(size, spread) if told else size, 1e-9)
 
     @property
     def episode_lengths(self) -> Integers:
