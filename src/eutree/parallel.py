@@ -28,11 +28,9 @@ Result = TypeVar("Result")
 
 @dataclass(frozen=True)
 class Workers:
-    """The processes that independent calls are spread over.
+    """The processes that independent calls are spread over, as joblib counts them.
 
-    Args:
-        n_jobs: Processes, as joblib counts them: -1 for as many as there are cores. None is 1,
-            unless ``joblib.parallel_config`` says otherwise.
+    -1 is as many as there are cores; None is 1, unless ``joblib.parallel_config`` says otherwise.
     """
 
     n_jobs: int | None = None
@@ -59,11 +57,8 @@ class Workers:
         """Return the results of ``function`` for all arguments, in their order.
 
         Processes of this machine are started only where ``PATIENCE`` seconds of work here were not
-        enough; a cluster gets all of it.
-
-        Args:
-            function: Can be pickled, and its results depend on its argument alone.
-            arguments: Of independent calls.
+        enough; a cluster gets all of it. The function can be pickled, and its results depend on its
+        argument alone.
         """
         if self.count == 1 or len(arguments) == 1:
             return [function(argument) for argument in arguments]
@@ -88,12 +83,7 @@ class Workers:
         return self._answers(function, arguments, "generator_unordered" if one_by_one else "list")
 
     def blocks(self, n: int, most: int) -> list[range]:
-        """Return the numbers from 0 to n - 1 in blocks, each the work of one call.
-
-        Args:
-            n: How many there are.
-            most: Largest size of a block.
-        """
+        """Return the numbers from 0 to n - 1 in blocks of at most ``most``, each for one call."""
         size = min(most, -(-n // (BLOCKS * self.count)))
         return [range(first, min(first + size, n)) for first in range(0, n, size)]
 

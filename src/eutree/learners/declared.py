@@ -188,12 +188,7 @@ class Found:
 
 
 def taken(path: str | Path, state: State, declared: Declared) -> Arrays:
-    """Return a stored state with the elements that are declared.
-
-    Args:
-        path: The file that it comes from.
-        state: Its arrays.
-        declared: Their declaration.
+    """Return the arrays of a stored state with the elements that are declared.
 
     Raises:
         FormatError: They are not.
@@ -227,12 +222,9 @@ def arrays_of(learner: object, parts: Iterable[Part]) -> Arrays:
 
 
 def give_back(learner: Kept, parts: Iterable[Part], state: State) -> Kept:
-    """Return a learner, at its start, after it was given a state.
+    """Return a learner, at its start, after it was given copies of what ``arrays_of`` made.
 
-    Args:
-        learner: The learner; numbers come back in the types that it has at its start.
-        parts: The parts of which ``arrays_of`` made the state.
-        state: Its arrays; they are copied.
+    Numbers come back in the types that it has at its start.
     """
     for one in parts:
         lacks = one.optional and not one.arrays.keys() & state.keys()
@@ -319,9 +311,7 @@ def _is_history(found: Found) -> None:
 def history_parts(at: str = "history", *, tree: str = "") -> tuple[Part, ...]:
     """Return the arrays of the history of a learner, but for those that it forgets by.
 
-    Args:
-        at: Where the learner has it.
-        tree: Where it has the tree whose leaves label the transitions; "" for a single leaf.
+    ``tree`` is where it has the tree whose leaves label the transitions; "" for a single leaf.
     """
 
     def make(learner: Any, state: Arrays) -> History:

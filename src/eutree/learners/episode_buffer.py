@@ -83,12 +83,9 @@ def store(
     *,
     demonstrated: bool = False,
 ) -> Booleans:
-    """Append an episode to the store of transitions; ``generator`` serves a bounded one.
+    """Append an episode to the store, and return which of its transitions are stored, shape [T].
 
-    Without ``leaves`` the store has a single one.
-
-    Returns:
-        Which of its transitions are stored, shape [T].
+    Without ``leaves`` the store has a single one; ``generator`` serves a bounded one.
     """
     return history.append_episode(
         episode.observations,

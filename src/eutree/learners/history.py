@@ -83,13 +83,10 @@ class Columns:
 
 
 class LeafRows:
-    """The rows of each leaf on one side of the transitions.
+    """The rows of each leaf on one side of the transitions, "left" or "entered".
 
-    Args:
-        columns: The store of transitions; its column ``side`` holds the leaf of each row, negative
-            for none, its column ``side`` + "_link" is written here.
-        side: "left" or "entered".
-        n_leaves: Number of leaves.
+    The column ``side`` of their store holds the leaf of each row, negative for none; its column
+    ``side`` + "_link" is written here.
     """
 
     def __init__(self, columns: Columns, side: str, n_leaves: int) -> None:

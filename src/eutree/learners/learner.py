@@ -450,11 +450,9 @@ class Imagines(Protocol):
     """A learner with a world model in which any tree can act."""
 
     def imagined(self, n_episodes: int, generator: np.random.Generator) -> PairedRollouts | None:
-        """Return where trees can be compared; None before anything is known.
+        """Return where trees can be compared, in so many imagined episodes of each at most.
 
-        Args:
-            n_episodes: Most imagined episodes of a tree.
-            generator: Source of all its chance.
+        None before anything is known.
         """
         ...
 

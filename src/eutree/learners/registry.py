@@ -175,9 +175,7 @@ def checked_document(chosen: Method) -> dict[str, Any]:
 def from_document(document: Mapping[str, Any], *, kind: type[Method] | None = None) -> Method:
     """Return the method that ``to_document`` wrote; a choice that is missing has its default.
 
-    Args:
-        document: Its name and choices.
-        kind: The class of the method, where it is known already.
+    ``kind`` is its class, where that is known already.
 
     Raises:
         InvalidArgumentError: The document is of no known method, or a choice is not one of its.
@@ -320,11 +318,7 @@ def choices_of(method: Method) -> list[Choice]:
 
 
 def with_choices(method: Method, changes: Mapping[str, Any]) -> Method:
-    """Return a method with other choices.
-
-    Args:
-        method: The method.
-        changes: Values by name, or whole parts as nested mappings.
+    """Return a method with other choices, by name, or as whole parts in nested mappings.
 
     Raises:
         UnknownNameError: The method has no such choice.

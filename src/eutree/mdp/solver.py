@@ -247,8 +247,7 @@ class PlanningProblem:
     ) -> float:
         """Set the values to those of the policy with these rewards [S], up to a residual.
 
-        Returns:
-            The residual that is left.
+        Return the residual that is left.
         """
         _kernels.fill_system(self.pairs, discounts, self.greedy.policy, self.system)
         right = rewards / self.system.diagonal

@@ -56,15 +56,10 @@ Labels = NDArray[np.integer[Any]]
 def leaf_statistics(
     leaves: Labels, actions: Labels, returns: Floats, *, visits: Integers, values: Floats
 ) -> LeafStatistics:
-    """Return the statistics of each leaf and action.
+    """Return the statistics of each leaf and action, with their visits and values, shape [L, A].
 
-    Args:
-        leaves: Leaf that each transition left, shape [N].
-        actions: Its action, shape [N].
-        returns: Its estimate of future reward, shape [N]; the standard error of a value is that of
-            the mean of its estimates.
-        visits: Transitions of each leaf and action, shape [L, A].
-        values: Value of each leaf and action, shape [L, A].
+    They are of transitions: the leaf that each of them left, its action, and its estimate of future
+    reward, shape [N]. The standard error of a value is that of the mean of its estimates.
     """
     n_actions = visits.shape[1]
     cells = leaves.astype(np.int64) * n_actions + actions  # [N]

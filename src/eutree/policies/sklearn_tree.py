@@ -58,9 +58,8 @@ def parts_of(classifier: Any, schema: Schema | None) -> PolicyParts:
 def exact_tree(classifier: Any) -> tuple[DecisionTree, Booleans]:
     """Return the tree that decides like a fitted classifier on every finite observation.
 
-    Returns:
-        The tree, its leaves numbered in the order of scikit-learn's nodes; and which of these
-        nodes are leaves, shape [M].
+    Its leaves are numbered in the order of scikit-learn's nodes. With it comes which of these nodes
+    are leaves, shape [M].
     """
     grown = classifier.tree_
     inner = grown.children_left != _LEAF

@@ -42,11 +42,8 @@ class Variation:
     ) -> ActionTree | None:
         """Return a variant; None if it came out too large or too small.
 
-        Args:
-            tree: The policy.
-            visited: Observations of its episodes, shape [K, d]; they must not change while the same
-                array is given.
-            mate: Another policy, of which a branch may be taken over.
+        ``visited`` are observations of the policy's episodes, shape [K, d]; they must not change
+        while the same array is given. A branch of a ``mate`` may be taken over.
         """
         changed = mate is not None and self._generator.random() < GRAFTED
         if mate is not None and changed:

@@ -249,14 +249,6 @@ class Races:
     """All raced trees of one learner, ``first`` the policy, and their races.
 
     The price is the return that a leaf must earn.
-
-    Attributes:
-        trees: The start, and all challengers that raced or are to race.
-        incumbent: Number of the tree that is the policy.
-        entrants: Numbers of those in the present race, the incumbent first.
-        rule: What decides the race under way; None between two.
-        table: The returns of its entrants so far, shape [entrants, starts].
-        number: Races so far.
     """
 
     def __init__(
@@ -265,12 +257,12 @@ class Races:
         self._experience = experience
         self._price = price
         self._students = students
-        self.trees = [first]
-        self.incumbent = 0
-        self.entrants: list[int] = []
-        self.rule: Ahead | None = None
-        self.table = new_table(0, 0)
-        self.number = 0
+        self.trees = [first]  # and then all challengers that raced or are to race
+        self.incumbent = 0  # number of the tree that is the policy
+        self.entrants: list[int] = []  # of the present race, the incumbent first
+        self.rule: Ahead | None = None  # what decides the race under way; None between two
+        self.table = new_table(0, 0)  # [entrants, starts] their returns so far
+        self.number = 0  # races so far
         self._run: list[tuple[int, int, int]] = []  # entrant, start, first row of each episode
         self._next: tuple[int, int] | None = None
 
@@ -316,8 +308,7 @@ class Races:
     def take_last_episode(self) -> Figures:
         """Take the last episode as one of the race, and find the next.
 
-        Returns:
-            The tree, start and return, the result after the last; nothing between two races.
+        Return the tree, start and return, the result after the last; nothing between two races.
         """
         place = self._next
         if place is None:
@@ -346,10 +337,8 @@ class Races:
         """Let the winner be the policy, if what all races showed of both speaks for it too.
 
         The winner of a race is flattered by being the winner. The policy has run in more of them.
-        Where the order of a model's proposals may be chance, the winner has to be clearly ahead.
-
-        Args:
-            trust: How the model that proposed the challengers orders trees.
+        Where the model's order of the challengers that it proposed may be chance (``trust``), the
+        winner has to be clearly ahead.
         """
         if self.rule is None:
             return {}

@@ -37,13 +37,9 @@ DIGITS = 2
 
 @dataclass(frozen=True, eq=False)
 class Sums:
-    """Weighted sums, which stand behind the features.
+    """Weighted sums, which stand behind the features."""
 
-    Attributes:
-        weights: Weight of each feature in each sum.
-    """
-
-    weights: Floats  # [K, d]
+    weights: Floats  # [K, d], of each feature in each sum
 
     def __len__(self) -> int:
         """Return their number K."""
@@ -69,17 +65,11 @@ class Sums:
 
 @dataclass(frozen=True, eq=False)
 class Labels:
-    """What a teacher would do, and what it expects of every action.
+    """What a teacher would do, and what it expects of every action."""
 
-    Attributes:
-        columns: Observations, and the sums found so far.
-        actions: Its actions.
-        values: Its Q.
-    """
-
-    columns: Floats  # [N, d + K]
+    columns: Floats  # [N, d + K], observations, and the sums found so far
     actions: Integers  # [N]
-    values: Floats  # [N, A]
+    values: Floats  # [N, A], its Q
 
     @property
     def weights(self) -> Floats:
@@ -98,10 +88,8 @@ class Labels:
     def losses(self, column: Floats | None = None) -> Floats:
         """Return what trees lose of the teacher's values, the mean of each block of labels.
 
-        Each of two trees is fitted to every other block and decides in those between.
-
-        Args:
-            column: One more column that they may ask for, shape [N].
+        Each of two trees is fitted to every other block and decides in those between. They may ask
+        for one more column, shape [N].
         """
         columns = self.columns if column is None else np.column_stack([self.columns, column])
         block = np.arange(len(columns)) // BLOCK

@@ -125,8 +125,7 @@ class LeafSteps:
     def greedy(self, prior: Integers) -> int:
         """Return the greedy action of the present leaf (Eq. 1); where nothing was tried, its prior.
 
-        Args:
-            prior: Action of each leaf, shape [L].
+        ``prior`` has an action of each leaf, shape [L].
         """
         return self._choice if self._choice != UNKNOWN else int(prior[self.leaf])
 
