@@ -97,13 +97,10 @@ def number(value: float, decimals: int) -> str:
 def told_apart(values: Iterable[float], width: float, *, down: bool = False) -> dict[float, str]:
     """Return each value in as few digits as tell it from the others, and within a tenth of itself.
 
-    Two that are nearer than a millionth of the range may look the same.
-
-    Args:
-        values: Numbers to be shown, of one quantity.
-        width: The range over which their digits matter, see ``usual_width``.
-        down: Whether a number shown is at most the value, but for a millionth of the range: "at
-            most 8.257" is shown as "at most 8.25", which is true.
+    Two that are nearer than a millionth of ``width``, the range over which their digits matter (see
+    ``usual_width``), may look the same. Where they go ``down``, a number shown is at most the
+    value, but for a millionth of the range: "at most 8.257" is shown as "at most 8.25", which is
+    true.
 
     >>> told_apart([8.2578, 8.2581, 20.0], width=20.0)
     {8.2578: '8.2578', 8.2581: '8.2581', 20.0: '20'}

@@ -19,9 +19,8 @@ from eutree.validation import check_choice
 def nominal_mask(table: Any, nominal: Any) -> Booleans:
     """Return which columns are nominal, shape [d]; an empty mask if there is nothing to choose.
 
-    Args:
-        table: The training set, an array or a data frame.
-        nominal: Indices, column names, a mask, ``"auto"`` (columns of dtype ``category``) or None.
+    ``nominal`` is indices, column names, a mask, ``"auto"`` (columns of dtype ``category``) or
+    None.
     """
     dtypes: Any = getattr(table, "dtypes", None)
     framed = dtypes is not None and hasattr(table, "columns")
@@ -44,9 +43,7 @@ def nominal_mask(table: Any, nominal: Any) -> Booleans:
 def text_columns(table: Any, nominal: Booleans) -> list[str] | list[int]:
     """Return the columns that would be nominal if all that hold strings were, and those that are.
 
-    Args:
-        table: The training set; its columns are named where it is a data frame, else numbered.
-        nominal: Which columns are nominal already, shape [d], or empty.
+    They are named in a data frame, else numbered. ``nominal`` is a mask, shape [d], or empty.
     """
     rows = np.asarray(table, dtype=object)
     wanted = [

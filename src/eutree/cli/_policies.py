@@ -138,14 +138,11 @@ def check_fits(policy: "TreePolicy", path: Path, spec: "EnvironmentSpec") -> Non
 
 
 def controller(name: str, option: str, spec: EnvironmentSpec) -> "Controller":
-    """Return the actor that is named for an environment.
+    """Return the actor that an option names for an environment.
 
-    Args:
-        name: A scripted expert of the environment, a policy file or run folder, or ``MODULE:NAME``
-            or ``FILE.py:NAME``: anything with SB3's ``predict``, its class, a function that makes
-            such a thing for an environment, or one from an observation to an action.
-        option: The option that named it, for messages.
-        spec: The environment in which it acts.
+    That is a scripted expert of it, a policy file or run folder, or ``MODULE:NAME`` or
+    ``FILE.py:NAME``: anything with SB3's ``predict``, its class, a function that makes such a thing
+    for an environment, or one from an observation to an action.
 
     Raises:
         UnknownNameError: The name means none of these.

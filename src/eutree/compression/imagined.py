@@ -128,8 +128,7 @@ class Pruned:
     def check_order(self, returns: Floats) -> None:
         """Raise InvalidArgumentError unless the model orders the trees better than chance.
 
-        Args:
-            returns: Mean returns of the trees in episodes of the environment, shape [n].
+        ``returns`` are their mean returns in episodes of the environment, shape [n].
         """
         found = rank_correlation(self.scores, returns)
         if np.isnan(found.value):

@@ -85,8 +85,7 @@ def _gaps(policy: TreePolicy) -> Floats:
 class Prunings:
     """All best prunings of one policy.
 
-    Attributes:
-        costs: Least cost with 1, 2, ... leaves, in that order; never rises.
+    Their ``costs`` are the least with 1, 2, ... leaves, in that order, and never rise.
     """
 
     def __init__(self, policy: TreePolicy, costs: Costs) -> None:

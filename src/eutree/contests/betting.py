@@ -29,13 +29,10 @@ _BISECTIONS = 50
 
 
 def log_wealth(values: Floats, mean: float, worst: float, stake: float | None = None) -> float:
-    """Return log K_n(mean): how strongly values speak against a mean this low or lower.
+    """Return log K_n(mean): how strongly values [n] speak against a mean this low or lower.
 
-    Args:
-        values: The values so far, shape [n].
-        mean: The mean in question, above ``worst``.
-        worst: No value can be lower.
-        stake: One that was tuned on other values; the mixture then gives it half of the weight.
+    The mean is above ``worst``, than which no value can be lower. The mixture gives half of the
+    weight to a ``stake`` that was tuned on other values.
     """
     largest = 1.0 / (mean - worst)
     stakes = _SHARES * largest
@@ -49,16 +46,10 @@ def log_wealth(values: Floats, mean: float, worst: float, stake: float | None = 
 def log_wealth_path(
     values: Floats, mean: float, worst: float | Floats, stake: float | None = None
 ) -> Floats:
-    """Return log K_1(mean), log K_2(mean) ...: the wealth after every value.
+    """Return log K_1(mean), log K_2(mean) ...: the wealth after every value, shape [..., n].
 
-    Args:
-        values: The values of one gambler, or those of many, shape [..., n].
-        mean: As in :func:`log_wealth`.
-        worst: No value can be lower; one for all gamblers, or one for each, shape [..., 1].
-        stake: One that was tuned on other values; as in :func:`log_wealth`.
-
-    Returns:
-        Shape [..., n].
+    The values are those of one gambler, or of many; ``worst`` is one for all of them, or one for
+    each, shape [..., 1]. See :func:`log_wealth`.
     """
     largest = 1.0 / (mean - worst)
     stakes = [share * largest for share in _SHARES.tolist()]
@@ -90,13 +81,8 @@ def tuned_stake(values: Floats, mean: float, worst: float) -> tuple[float, float
 def lower_bound(values: Floats, worst: float, error: float, stake: float | None = None) -> float:
     """Return a lower bound of the mean that is wrong with probability ``error`` at most.
 
-    It may be looked at after every value: all these bounds together are wrong no more often.
-
-    Args:
-        values: Independent values of one mean, none below ``worst``, shape [n].
-        worst: The lowest value there can be.
-        error: Chance of being wrong.
-        stake: See :func:`log_wealth`.
+    It may be looked at after every value: all these bounds together are wrong no more often. The
+    values [n] are independent and of one mean. See :func:`log_wealth`.
     """
     enough = -math.log(error)
     low, high = worst, float(values.mean()) if values.size else worst

@@ -77,11 +77,7 @@ def new_table(n_trees: int, n_starts: int) -> Table:
 
 
 def pairs(table: Table) -> Floats:
-    """Return the first challenger minus the incumbent at each start, up to the first not run.
-
-    Returns:
-        Shape [n].
-    """
+    """Return the first challenger minus the incumbent at each start, up to the first not run."""
     gains: Floats = table[1] - table[0]
     unknown = np.isnan(gains)
     return gains[: int(unknown.argmax()) if unknown.any() else gains.size]

@@ -169,12 +169,10 @@ MAX_TILT = 0.4
 def _land(o: Floats, *, tilt: float, fall: float, glide: float) -> Integers:
     """Return the lander's actions.
 
-    Args:
-        o: Position x, y, velocity x, y, angle, its velocity, contact of each leg; [..., 8].
-        tilt: How much to tilt against the distance from the pad; twice that against drift.
-        fall: Velocity of the fall that is allowed at the ground.
-        glide: How much more is allowed with height.
+    It tilts by ``tilt`` against the distance from the pad, and twice that against drift. ``fall``
+    is the velocity that is allowed at the ground, ``glide`` how much more with height.
     """
+    # o: position x, y, velocity x, y, angle, its velocity, contact of each leg; [..., 8]
     x, y, x_velocity, y_velocity, angle, turning = np.moveaxis(o[..., :6], -1, 0)
     wanted = np.clip(tilt * x + 2.0 * tilt * x_velocity, -MAX_TILT, MAX_TILT)
     lean = angle - wanted + turning

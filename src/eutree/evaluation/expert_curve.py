@@ -104,8 +104,7 @@ class ExpertCurve:
 def expert_curve(demonstrations: Demonstrations) -> ExpertCurve | None:
     """Return the learning curve of the expert tree, or None with fewer than four episodes.
 
-    Args:
-        demonstrations: Episodes of one demonstrator; discarded and empty ones are left out.
+    They are of one demonstrator; discarded and empty ones are left out.
     """
     episodes = [number for number, e in enumerate(demonstrations.episodes) if e.kept and len(e)]
     n = len(episodes)

@@ -28,16 +28,14 @@ _WIDE = 16.0  # so many times as large: halved by magnitude
 
 
 class Occurrence(NamedTuple):
-    """What was found in a box.
+    """A point that was found in a box.
 
-    Attributes:
-        point: A point of it.
-        is_real: Whether the point is an observation, derived features included. Else none was
-            found, and it is not known that there is none.
+    Where it is no observation, derived features included, none was found, and it is not known that
+    there is none.
     """
 
     point: Floats  # [d]
-    is_real: bool
+    is_real: bool  # whether it is an observation
 
     @property
     def caution(self) -> str:
@@ -115,12 +113,7 @@ class Occurring:
     def _reached(self, parts: Floats, box: Region) -> tuple[Booleans, Floats]:
         """Return whether derived features of parts may be in a box, and how far they reach beyond.
 
-        Args:
-            parts: Exclusive lower and inclusive upper bounds, shape [2, N, d].
-            box: The box.
-
-        Returns:
-            Both of shape [N].
+        The parts are exclusive lower and inclusive upper bounds, shape [2, N, d].
         """
         low, high = parts
         first = np.where(self._is_whole, np.floor(low) + 1.0, np.nextafter(low, np.inf))

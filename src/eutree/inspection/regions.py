@@ -150,13 +150,8 @@ def ways(
 ) -> Iterator[tuple[Integers, Integers]]:
     """Yield pairs of leaves: raising a feature, or lowering it, leads from the first to the second.
 
-    Args:
-        tree: The tree whose leaves are paired.
-        low: Where the part of each leaf begins that is asked about, shape [L, d].
-        high: Where that part ends.
-        leaves: From which it leads.
-        feature: The feature; nothing else changes.
-        falls: Whether it is lowered.
+    The first is one of ``leaves``; nothing but the feature changes. ``low`` and ``high`` bound the
+    part of each leaf that is asked about, shape [L, d].
     """
     begin, end = low[leaves], high[leaves]
     if falls:

@@ -306,11 +306,9 @@ class Doubt:
 class Affine(Intervals):
     """N numbers as functions of the start of their piece.
 
-    Args:
-        center: Values in the middle of the piece, shape [N].
-        slope: Half the change across the piece, shape [k, N].
-        error: Greatest deviation from that, shape [N].
-        doubt: That of the step; one for all numbers that are computed in it.
+    They are ``center`` in the middle of the piece, shape [N], and change across half of it by
+    ``slope``, shape [k, N]; the greatest deviation from that is ``error``, shape [N]. All numbers
+    that are computed in a step share one ``doubt``.
     """
 
     def __init__(self, center: Floats, slope: Floats, error: Floats, doubt: Doubt) -> None:

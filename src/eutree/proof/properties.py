@@ -38,31 +38,20 @@ _FORMS = {
 
 @dataclass(frozen=True)
 class EpisodeProperty:
-    """A statement about all episodes of a policy.
+    """A statement about all episodes of a policy."""
 
-    Attributes:
-        kind: One of ``KINDS``.
-        text: The statement as it was given.
-        region: Where the conditions hold; None without any.
-        horizon: Number of steps it is about; ``EVER`` without an end; None for an episode.
-        chance: The probability that is asked for; None where none is.
-        least: The return that is asked for; None where none is.
-    """
-
-    kind: str
-    text: str
-    region: Region | None = None
-    horizon: int | None = None
-    chance: float | None = None
-    least: float | None = None
+    kind: str  # one of ``KINDS``
+    text: str  # the statement as it was given
+    region: Region | None = None  # where the conditions hold; None without any
+    horizon: int | None = None  # of so many steps; ``EVER`` without an end; None for an episode
+    chance: float | None = None  # the probability that is asked for, if any
+    least: float | None = None  # the return that is asked for, if any
 
 
 def parse(text: str, schema: Schema | None) -> EpisodeProperty:
-    """Return the property that a text describes.
+    """Return the property that a text describes, such as ``"arrives within 200 steps"``.
 
-    Args:
-        text: Such as ``"arrives within 200 steps"``.
-        schema: Names of the numbers of the plant's state; None where no plant is known.
+    The schema names the numbers of the plant's state; None where no plant is known.
 
     Raises:
         InvalidArgumentError: The text is no property.

@@ -64,11 +64,7 @@ class Effort:
 
 
 class Acting:
-    """A policy on boxes of states.
-
-    Args:
-        policy: Decides on observations of states.
-        plant: The plant, which says how it observes them and with which precision.
+    """A policy on boxes of states of a plant, which says how and how precisely it observes them.
 
     Raises:
         InvalidArgumentError: It has more than ``MOST_ACTIONS`` actions.
@@ -184,15 +180,10 @@ class _Boxes:
 
 
 class Reach:
-    """When an event happens, from each start of a plant.
+    """When an event happens, within a number of steps, from each start of a plant.
 
-    Args:
-        acting: The policy on boxes.
-        plant: Gives starts and moves boxes.
-        event: Whether it has happened in states.
-        horizon: Steps that are looked at.
-        effort: How far to go.
-        is_over: Whether an episode has ended in states without the event; None where none does.
+    ``event`` says whether it has happened in states, ``is_over`` whether an episode has ended in
+    them without it; None where none does.
     """
 
     def __init__(

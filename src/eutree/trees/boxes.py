@@ -49,15 +49,9 @@ def meetings(low: Floats, high: Floats, tree: DecisionTree) -> Iterator[tuple[In
     """Yield which of some boxes meet which leaves, as numbers of boxes and of leaves.
 
     The boxes go down the tree together, to both sides of a test where it cuts them: so the work
-    grows with the pairs that meet and with the depth, not with boxes times leaves.
-
-    Args:
-        low: Exclusive lower bounds, shape [B, d].
-        high: Inclusive upper bounds, shape [B, d].
-        tree: Tree of the leaves.
-
-    Yields:
-        Pairs, by box and then by leaf; of at most ``_BOXES_AT_ONCE`` boxes at a time.
+    grows with the pairs that meet and with the depth, not with boxes times leaves. The lower bounds
+    are exclusive, the upper inclusive, shape [B, d]. The pairs are ordered by box and then by leaf;
+    of at most ``_BOXES_AT_ONCE`` boxes at a time.
     """
     node_low, node_high = node_boxes(tree)
     is_reached: Booleans = np.all(node_low < node_high, axis=1)
@@ -90,10 +84,8 @@ def differing(
 ) -> tuple[Floats, Floats, Integers]:
     """Return the boxes, within another, on which the labels of two trees differ.
 
-    They are the intersections of leaves of both, apart from each other.
-
-    Returns:
-        Exclusive lower and inclusive upper bounds, each of shape [P, d], and both labels, [P, 2].
+    They are the intersections of leaves of both, apart from each other: exclusive lower and
+    inclusive upper bounds, each of shape [P, d], and both labels, shape [P, 2].
 
     Raises:
         InvalidArgumentError: The trees have other numbers of features.

@@ -52,14 +52,7 @@ def merge(tree: DecisionTree, labels: Integers) -> tuple[DecisionTree, Integers]
 
     A test decides nothing where the tests above it already tell its answer. Below the left side
     of a test a feature is a number, below the right side alone it may be NaN, which keeps going
-    right; so dropping such a test is exact for NaN too.
-
-    Args:
-        tree: Tree to be made smaller.
-        labels: Label of each leaf, shape [L].
-
-    Returns:
-        The smaller tree and the labels of its leaves.
+    right; so dropping such a test is exact for NaN too. The labels are those of the leaves, [L].
     """
     at = np.arange(tree.n_nodes), tree.feature
     low, high = (bound[at] for bound in node_boxes(tree))  # [M] of the feature that is tested

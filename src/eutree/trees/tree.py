@@ -279,10 +279,9 @@ def _first_problem(tree: DecisionTree) -> str:
 
 
 def depths(parent: Int32s) -> Integers:
-    """Return the number of tests above each node, shape [M]; children have larger numbers.
+    """Return the number of tests above each node, of which these are the parents, shape [M].
 
-    Args:
-        parent: Parent of each node, shape [M]; not read at the root, node 0.
+    Children have larger numbers; the parent of the root, node 0, is not read.
     """
     found = np.zeros(parent.size, dtype=np.int64)
     for node in range(1, parent.size):
