@@ -22,7 +22,7 @@ from eutree.data.episode import allowed_in
 from eutree.errors import EutreeError, InvalidArgumentError
 from eutree.fitting.combining import confirm, propose
 from eutree.fitting.diagnosis import about_demonstrations, about_result, about_size, harms, in_words
-from eutree.fitting.playing import Played, Player, Progress, blame, repairs, shown_in
+from eutree.fitting.playing import Played, Player, Progress, most_guilty, repairs, shown_in
 from eutree.fitting.playing import practise as learn_on
 from eutree.fitting.report import FitReport, Person
 from eutree.inspection import keep_monotone, monotone_rules
@@ -96,11 +96,9 @@ def _repaired(
     fitted: FittedTree, played: Played, demonstrations: Demonstrations, person: Person
 ) -> Iterable[FittedTree]:
     """Yield the repairs of the leaves that have most to do with failing."""
-    guilt = blame(played, played.failed(person.mean_return))
-    for leaf in np.argsort(-guilt, kind="stable")[:BLAMED_LEAVES].tolist():
-        if guilt[leaf] > 0.0:
-            for policy, words in repairs(fitted.policy, demonstrations, leaf):
-                yield replace(fitted, policy=policy, repairs=(*fitted.repairs, words))
+    for leaf in most_guilty(played, person.mean_return, BLAMED_LEAVES):
+        for policy, words in repairs(fitted.policy, demonstrations, leaf):
+            yield replace(fitted, policy=policy, repairs=(*fitted.repairs, words))
 
 
 def fit(

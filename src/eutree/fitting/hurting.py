@@ -27,7 +27,7 @@ from eutree.data.episode import CUT
 from eutree.display import Displayed, counted
 from eutree.evaluation import Evaluation, evaluate
 from eutree.fitting.diagnosis import leaf_in_words
-from eutree.fitting.playing import TIE, Played, Player, Progress, blame
+from eutree.fitting.playing import TIE, Player, Progress, most_guilty
 from eutree.fitting.report import Person, result_in_words
 from eutree.interaction import episode_seed
 from eutree.interaction.deriving import acting_as
@@ -301,10 +301,11 @@ class _Search:
         while len(found) < most:
             games.begin("playing", LOOKED_AT)
             played = games.play(tree, LOOKED_AT, LOOKING + len(found))
-            guilty = self._guilty(played)
+            earned = Person.of(self.given).mean_return
+            guilty = most_guilty(played, earned, BLAMED_LEAVES)
             better = self._better(known, tree, guilty, len(found))
             if better is None:
-                if played.failed(Person.of(self.given).mean_return).mean() > OFTEN:
+                if played.failed(earned).mean() > OFTEN:
                     found += self._shown_again(known, tree, guilty, reached)
                 break
             edit, tree = better
@@ -323,11 +324,6 @@ class _Search:
     def _judge(self, tree: TreePolicy) -> Evaluation:
         self.games.begin("judging", self.judged)
         return self.games.figures(tree, JUDGING, self.judged)
-
-    def _guilty(self, played: Played) -> list[int]:
-        guilt = blame(played, played.failed(Person.of(self.given).mean_return))
-        order = np.argsort(-guilt, kind="stable")[:BLAMED_LEAVES]
-        return [leaf for leaf in order.tolist() if guilt[leaf] > 0.0]
 
     def _better(
         self, known: Demonstrations, tree: TreePolicy, guilty: list[int], number: int

@@ -150,6 +150,13 @@ def blame(played: Played, failed: Booleans) -> Floats:
     return guilt
 
 
+def most_guilty(played: Played, mean_return: float, most: int) -> list[int]:
+    """Return the leaves that have most to do with failing, at most so many, the worst first."""
+    guilt = blame(played, played.failed(mean_return))
+    order = np.argsort(-guilt, kind="stable")[:most]
+    return [leaf for leaf in order.tolist() if guilt[leaf] > 0.0]
+
+
 def repairs(
     policy: TreePolicy, demonstrations: Demonstrations, leaf: int
 ) -> Iterator[tuple[TreePolicy, str]]:
