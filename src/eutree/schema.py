@@ -225,14 +225,8 @@ class Schema:
                 raise InvalidArgumentError(f"schema must name at least one of {kind}, got none")
             if len(set(names)) != len(names):
                 raise InvalidArgumentError(f"schema must have distinct {kind}, got {list(names)}")
-        self._check_formulas()
-
-    def _check_formulas(self) -> None:
-        """Raise InvalidArgumentError unless derived features are made of those before them."""
         derived = [j for j, feature in enumerate(self.features) if feature.formula]
-        if not derived:
-            return
-        if derived != list(range(derived[0], derived[0] + len(derived))) or not derived[0]:
+        if derived and (not derived[0] or derived[-1] - derived[0] + 1 != len(derived)):
             raise InvalidArgumentError(
                 "schema must have its derived features together, after those that are measured"
             )

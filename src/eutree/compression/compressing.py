@@ -165,7 +165,10 @@ def compress(
         result = result if played.kept else exact
     if real.evaluates and verdict is None:
         verdict = meet(policy, result, ground, demand)
-        too_few = _episodes_needed(margin, demand, verdict) if margin else None
+        if margin:
+            low, high = verdict.return_range
+            needed = episodes_needed(margin, low - high, ATTEMPTS[0] * demand.error)
+            too_few = needed if needed > demand.episodes else None
     if not isinstance(real.env, gymnasium.Env):
         ground.env.close()
     return result, report_on(
@@ -326,13 +329,6 @@ def report_on(
         **({} if verdict is None else vars(verdict)),
         **more,
     )
-
-
-def _episodes_needed(margin: float, demand: Demand, verdict: Comparison) -> int | None:
-    """Return how many episodes could confirm the margin at best, if that is more than allowed."""
-    low, high = verdict.return_range
-    needed = episodes_needed(margin, low - high, ATTEMPTS[0] * demand.error)
-    return needed if needed > demand.episodes else None
 
 
 def _agreement(policy: TreePolicy, rows: Floats, wanted: ArrayLike) -> float:

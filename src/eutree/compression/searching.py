@@ -64,7 +64,10 @@ class FrontSearch:
                 self.episodes.redraw(waiting[0])
                 for parent in [self._tuned(one) for one in self._best(waiting, BEAM)]:
                     self.found.setdefault(parent.n_leaves, []).append(parent)
-                    self._add(self._smaller(parent), above=-loses * scale)
+                    self.episodes.run(parent)
+                    made = map(self._checked, [*_cuts(parent), *_refitted(self.episodes)])
+                    smaller = [one for one in made if one.n_leaves < parent.n_leaves]
+                    self._add(smaller, above=-loses * scale)
                 lost = (self._first - self.episodes.mean_return) / scale
             size -= 1
 
@@ -115,12 +118,6 @@ class FrontSearch:
             if not accepted:
                 break
         return self._checked(episodes.present)
-
-    def _smaller(self, policy: TreePolicy) -> list[TreePolicy]:
-        """Return smaller trees made of one."""
-        self.episodes.run(policy)
-        challengers = [*_cuts(policy), *_refitted(self.episodes)]
-        return [one for one in map(self._checked, challengers) if one.n_leaves < policy.n_leaves]
 
 
 def _inner(tree: DecisionTree) -> list[int]:

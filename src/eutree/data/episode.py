@@ -116,7 +116,15 @@ class Episode(Frozen):
             raise InvalidArgumentError(
                 f"expected as many rewards as actions: {len(self.rewards)} != {len(self.actions)}"
             )
-        self._check_facts()
+        # NumPy's truth values and integers become Python's, which a file holds.
+        for name in ("terminated", "truncated", "kept", "has_rewards", "is_success"):
+            value = getattr(self, name)
+            if value is not None or name != "is_success":
+                object.__setattr__(self, name, check_truth(name, value))
+        for name in ("ending", "comment"):
+            object.__setattr__(self, name, str(check_kind(name, getattr(self, name), str)))
+        if self.seed is not None:
+            object.__setattr__(self, "seed", check_integer("seed", self.seed))
         steps = {name: frozen(np.asarray(array)) for name, array in self.steps.items()}
         if (masks := steps.get(ALLOWED)) is not None and masks.dtype != bool:
             if not np.isin(masks, (0, 1)).all():
@@ -134,17 +142,6 @@ class Episode(Frozen):
             raise InvalidArgumentError("an episode must not be both terminated and truncated")
         if not self.has_rewards and self.rewards.any():
             raise InvalidArgumentError("an episode without rewards must have zeros in their place")
-
-    def _check_facts(self) -> None:
-        """Make NumPy's truth values and integers Python's, which a file holds; refuse others."""
-        for name in ("terminated", "truncated", "kept", "has_rewards", "is_success"):
-            value = getattr(self, name)
-            if value is not None or name != "is_success":
-                object.__setattr__(self, name, check_truth(name, value))
-        for name in ("ending", "comment"):
-            object.__setattr__(self, name, str(check_kind(name, getattr(self, name), str)))
-        if self.seed is not None:
-            object.__setattr__(self, "seed", check_integer("seed", self.seed))
 
     def __repr__(self) -> str:
         """Return a summary in one line."""

@@ -85,9 +85,6 @@ class EvasionVectorEnv(VectorEnv[Floats, Integers, Any]):
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self.feature_names, self.feature_units = features(self.parameters)
         self.action_names = ("stop", "go")
-        self._allocate()
-
-    def _allocate(self) -> None:
         copies, count = self.num_envs, self.parameters.n_opponents
         constants = [getattr(self.parameters, name) for name in kernels.CONSTANTS]
         self._copies = kernels.Copies(

@@ -17,7 +17,7 @@ import struct
 import zlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, ClassVar, NoReturn, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import msgspec
 
@@ -184,7 +184,9 @@ def decode_document(data: bytes, kind: type[_Plain], path: str | Path) -> _Plain
         if issubclass(kind, Document) and b'"format"' not in data:
             name = kind.FORMAT.rpartition("/")[2]
             raise FormatError(path, "", f"is not a {name} file: {error}") from None
-        _raise_at_place(str(error), path)
+        match = _PLACE.fullmatch(str(error)) or _BYTE.fullmatch(str(error))
+        place, reason = (match["place"], match["reason"]) if match else ("", str(error))
+        raise FormatError(path, place, reason.removeprefix("JSON is malformed: ")) from None
     except ValueError as error:  # for example an integer of more than 4300 digits
         raise FormatError(path, "", f"not JSON: {error}") from None
     return document
@@ -225,12 +227,6 @@ def _check_header(header: _Header, kind: type[Document], path: str | Path) -> No
         )
     if header.version < 1:
         raise FormatError(path, "version", f"must be at least 1, got {header.version}")
-
-
-def _raise_at_place(message: str, path: str | Path) -> NoReturn:
-    match = _PLACE.fullmatch(message) or _BYTE.fullmatch(message)
-    place, reason = (match["place"], match["reason"]) if match else ("", message)
-    raise FormatError(path, place, reason.removeprefix("JSON is malformed: ")) from None
 
 
 def _floats(value: Any, place: str) -> Iterator[tuple[str, float]]:

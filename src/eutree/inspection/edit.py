@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from eutree.arrays import Integers
 from eutree.display import Displayed
 from eutree.errors import InvalidArgumentError, UnknownNameError
 from eutree.inspection.properties import Property, parse
@@ -64,8 +63,15 @@ def edit(
     moved = dict(thresholds or {})
     changes = [_moved(policy, locked, node, value) for node, value in moved.items()]
     labels = policy.actions.copy()
+    names = policy.schema.actions
     for leaf, name in (actions or {}).items():
-        changes.append(_relabelled(policy, locked, leaf, name, labels))
+        check_integer("leaf", leaf, high=policy.n_leaves - 1)
+        if name not in names:
+            raise UnknownNameError("action", name, names)
+        if leaf in locked:
+            raise InvalidArgumentError(f"leaf must not be locked, got {leaf}; unlock it first")
+        old, labels[leaf] = names[labels[leaf]], names.index(name)
+        changes.append(f"leaf {leaf}: {printable(old)} became {printable(name)}")
     cuts = tree.threshold.copy()
     cuts[list(moved)] = list(moved.values())
     locked |= set(_leaves_below(tree, lock))
@@ -79,7 +85,11 @@ def edit(
         # Counts of other boxes say nothing now, but under masks they are what is fallen back on.
         leaves=None if moved and not policy.masked else policy.leaves,
     )
-    return Edited(result, tuple(changes), tuple(_warnings(policy, result)))
+    # Which leaves did an observation within the bounds reach before, and none does now?
+    was, now = (is_box(*leaf_parts(one.tree, policy.schema)) for one in (policy, result))
+    lost = np.flatnonzero(was & ~now).tolist()
+    warnings = tuple(f"no observation reaches leaf {leaf} any more" for leaf in lost)
+    return Edited(result, tuple(changes), warnings)
 
 
 def numbered(policy: TreePolicy) -> str:
@@ -118,30 +128,9 @@ def _moved(policy: TreePolicy, locked: set[int], node: int, value: float) -> str
     return f"node {node}: {old.question(digits)} became {new.question(digits)}"
 
 
-def _relabelled(
-    policy: TreePolicy, locked: set[int], leaf: int, name: str, labels: Integers
-) -> str:
-    """Check and make a new action of a leaf; return the change in words."""
-    check_integer("leaf", leaf, high=policy.n_leaves - 1)
-    names = policy.schema.actions
-    if name not in names:
-        raise UnknownNameError("action", name, names)
-    if leaf in locked:
-        raise InvalidArgumentError(f"leaf must not be locked, got {leaf}; unlock it first")
-    old, labels[leaf] = names[labels[leaf]], names.index(name)
-    return f"leaf {leaf}: {printable(old)} became {printable(name)}"
-
-
 def _leaves_below(tree: DecisionTree, nodes: Iterable[int]) -> list[int]:
     above = {check_integer("node", node, high=tree.n_nodes - 1) for node in nodes}
     return [leaf for leaf in range(tree.n_leaves) if above.intersection(tree.path(leaf))]
-
-
-def _warnings(before: TreePolicy, after: TreePolicy) -> list[str]:
-    """Name the leaves that some observation within the bounds reached before, and none does now."""
-    was, now = (is_box(*leaf_parts(policy.tree, before.schema)) for policy in (before, after))
-    lost = np.flatnonzero(was & ~now).tolist()
-    return [f"no observation reaches leaf {leaf} any more" for leaf in lost]
 
 
 def enforce(policy: TreePolicy, properties: str | Iterable[str]) -> Edited:

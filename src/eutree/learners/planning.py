@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from eutree.arrays import Booleans, Floats, Integers
+from eutree.arrays import Booleans, Floats
 from eutree.c45 import C45Settings, grow
 from eutree.data import Episode
 from eutree.errors import InvalidArgumentError
@@ -36,7 +36,6 @@ from eutree.policies.leaf_statistics import returns_by_action
 from eutree.policy_search.planner import Planned, Planner
 from eutree.policy_search.variation import Variation
 from eutree.schema import Schema
-from eutree.trees import DecisionTree
 from eutree.trees.edit import graft
 from eutree.validation import check_amounts, check_number
 from eutree.world_model import ActionTree, PairedRollouts, Transitions, countable
@@ -260,7 +259,11 @@ class ModelPlanning:
         self.plan = replace(plan, planned_at=history.n_seen)
         self._informed = self._informed and plan.demonstrations == shown
         if plan.incumbent is not before:
-            self._adopt(*to_decision_tree(plan.incumbent, self.tree.n_features))
+            tree, actions = to_decision_tree(plan.incumbent, self.tree.n_features)
+            if self._locked:  # leaves that are locked in the present tree stay
+                kept = {leaf: int(self.actions[leaf]) for leaf in self._locked}
+                tree, actions, self._locked = graft(self.tree, kept, tree, actions)
+            self.tree, self.actions = tree, actions
         is_new = plan.challenger is not None and plan.challenger is not challenger
         return Update(figures={"challengers": int(is_new), "model_steps": plan.model_steps})
 
@@ -291,13 +294,6 @@ class ModelPlanning:
     def _known(self) -> Transitions:
         known = seen_as(self._derivation, transitions_of(self.history, self.n_actions))
         return replace(known, counted=self._counts)
-
-    def _adopt(self, tree: DecisionTree, actions: Integers) -> None:
-        """Let another tree decide, but where leaves are locked in the present one."""
-        if self._locked:
-            kept = {leaf: int(self.actions[leaf]) for leaf in self._locked}
-            tree, actions, self._locked = graft(self.tree, kept, tree, actions)
-        self.tree, self.actions = tree, actions
 
     def _returns(self) -> LeafStatistics | None:
         """Return the returns of each action in the incumbent's own episodes; None without any."""

@@ -18,10 +18,6 @@ with needed("scikit-learn", "sklearn"):
     from sklearn.utils.validation import _check_n_features, check_array
 
 
-def _counts_are_known(estimator: "TreePolicyClassifier") -> bool:
-    return estimator.policy.leaves is not None
-
-
 class TreePolicyClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # sklearn has no types
     """A finished policy where scikit-learn wants a classifier: pipelines, scores, inspection.
 
@@ -110,7 +106,7 @@ class TreePolicyClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc
         classes, order = self._sorted()
         return np.asarray(classes[np.argsort(order)[actions]])
 
-    @available_if(_counts_are_known)  # type: ignore[untyped-decorator]  # sklearn has no types
+    @available_if(lambda self: self.policy.leaves is not None)  # type: ignore[untyped-decorator]  # sklearn has no types
     def predict_proba(self, X: ArrayLike) -> Floats:
         """Return how often each action was taken in the leaf of each row, shape [N, n_classes].
 

@@ -151,7 +151,8 @@ class _Proof:
         )
         pieces = reach.pieces()
         shares = _shares(pieces, plant)
-        fails, open_ = self._failing(pieces)
+        fails = pieces.first == NEVER if self._arriving else pieces.last != NEVER
+        open_ = (pieces.first != NEVER) & (pieces.last == NEVER)  # perhaps
         start = self._counterexample(pieces, fails, open_)
         verdict = REFUTED if start else UNDECIDED if (fails | open_).any() else PROVEN
         undecided = min(float(shares[open_].sum()), 1.0)
@@ -242,12 +243,6 @@ class _Proof:
             pictures=pictures,
             work=work,
         )
-
-    def _failing(self, pieces: Pieces) -> tuple[Booleans, Booleans]:
-        """Return which pieces break the property surely, and which perhaps."""
-        if self._arriving:
-            return pieces.first == NEVER, (pieces.last == NEVER) & (pieces.first != NEVER)
-        return pieces.last != NEVER, (pieces.first != NEVER) & (pieces.last == NEVER)
 
     @property
     def _region(self) -> Region:
