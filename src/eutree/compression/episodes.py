@@ -32,20 +32,13 @@ SUCCESS = 0.005  # that a tree may succeed less often
 
 @dataclass(frozen=True)
 class RoundingPlayed:
-    """The effect of rounded thresholds, in the same episodes with the exact ones.
+    """The effect of rounded thresholds, in the same episodes with the exact ones."""
 
-    Attributes:
-        episodes: How many were played.
-        different: Those with another return.
-        exact: Mean return with the exact thresholds.
-        rounded: Mean return with the rounded ones.
-        kept: Whether the result is rounded; not where that loses more than the margin allows.
-    """
-
-    episodes: int
-    different: int
-    exact: float
-    rounded: float
+    episodes: int  # how many were played
+    different: int  # those with another return
+    exact: float  # mean return with the exact thresholds
+    rounded: float  # mean return with the rounded ones
+    # Whether the result is rounded; not where that loses more than the margin allows
     kept: bool = True
 
 

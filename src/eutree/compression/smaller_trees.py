@@ -288,14 +288,11 @@ def steps_of(rounding: Rounding, schema: Schema) -> dict[int, float]:
 def rounded(
     policy: TreePolicy, rows: Floats, steps: Mapping[int, float] | None = None
 ) -> TreePolicy:
-    """Return the policy with short thresholds; each recorded observation keeps its leaf.
+    """Return the policy with short thresholds; each recorded observation [N, d] keeps its leaf.
 
-    Args:
-        policy: The policy to round.
-        rows: Recorded observations, shape [N, d].
-        steps: By feature, the step whose multiples its thresholds become; others stay. Recorded
-            observations between the old and the new threshold then change their leaf. Without any,
-            all thresholds become as short as they may.
+    The thresholds of features with ``steps`` become multiples of these, and others stay; recorded
+    observations between the old and the new threshold then change their leaf. Without any, all
+    thresholds become as short as they may.
     """
     steps = steps or {}
     tree = policy.tree

@@ -64,10 +64,8 @@ class SmallestWithin:
     def choice(self, table: Table) -> int:
         """Return the tree that would be confirmed first, by a table of all starts of the choice.
 
-        It may be the best itself: no other is near it, or a smaller one.
-
-        Args:
-            table: All returns of the choice, shape [trees, episodes].
+        It may be the best itself: no other is near it, or a smaller one. The table is of shape
+        [trees, episodes].
         """
         chosen = self._near_best(table) if self.margin is None else self._promising(table)
         if isinstance(chosen, NextEpisodes):

@@ -100,10 +100,9 @@ def bounds_of_change(
 ) -> Bounds:
     """Return bounds of row 1's gain over row 0, true at any time and however rare losses.
 
-    Args:
-        table: The returns of both from common starts, shape [2, starts].
-        error: Chance that one of the two is wrong, half of it for each.
-        known: Lowest and highest return of an episode, where they are known.
+    The table has the returns of both from common starts, shape [2, starts]. ``error`` is the chance
+    that one of the two bounds is wrong, half of it for each; ``known`` the lowest and the highest
+    return of an episode, where they are known.
     """
     gains = pairs(table)
     low, high = seen_range(table, known)
@@ -132,19 +131,12 @@ def missing(table: Table, due: NextEpisodes) -> list[tuple[int, list[int]]]:
 
 
 def held(rule: Rule, table: Table) -> Generator[tuple[int, list[int]], Floats | None, Verdict]:
-    """Hold a contest for a caller who runs the episodes; the table is filled on the way.
+    """Hold a contest for a caller who runs the episodes, and return the verdict.
 
-    Args:
-        rule: Decides.
-        table: The returns known so far, shape [trees, starts], with as many starts as the rule
-            may ask for.
-
-    Yields:
-        A tree, by its row, and the starts that it is to run from. Its returns are sent back; None
-        where the budget does not allow them, which ends the contest.
-
-    Returns:
-        The verdict.
+    The table has the returns known so far, shape [trees, starts], with as many starts as the rule
+    may ask for; it is filled on the way. A tree is yielded, by its row, and the starts that it is
+    to run from. Its returns are sent back; None where the budget does not allow them, which ends
+    the contest.
     """
     while isinstance(due := rule.next(table), NextEpisodes):
         for tree, starts in missing(table, due):
@@ -156,14 +148,11 @@ def held(rule: Rule, table: Table) -> Generator[tuple[int, list[int]], Floats | 
 
 
 def hold(rule: Rule, table: Table, run: Run) -> Verdict:
-    """Return the verdict of a contest whose episodes ``run`` runs at once.
+    """Return the verdict of a contest whose episodes ``run`` runs at once; see :func:`held`.
 
-    Args:
-        rule: Decides.
-        table: As for :func:`held`.
-        run: Runs a tree, by its row, from some starts, and returns the returns; None where the
-            budget does not allow it. It may be a run's own episodes, those of a simulator beside
-            it, of a world model or of a log.
+    It runs a tree, by its row, from some starts, and returns the returns; None where the budget
+    does not allow it. It may be a run's own episodes, those of a simulator beside it, of a world
+    model or of a log.
     """
     contest = held(rule, table)
     returns = None

@@ -353,9 +353,7 @@ def teaching(demonstrations: Demonstrations, taught: Integers) -> Demonstrations
 def check_rewards(demonstrations: Demonstrations, *, alone: bool = False) -> None:
     """Raise InvalidArgumentError unless there is something to learn from by reinforcement.
 
-    Args:
-        demonstrations: The episodes to learn from.
-        alone: Nothing else is learned from; then rewards that are all 0 say nothing.
+    Where these are learned from ``alone``, rewards that are all 0 say nothing.
     """
     without = "a tree that imitates them needs none: eutree fit"
     for number, episode in enumerate(demonstrations.episodes):

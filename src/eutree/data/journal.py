@@ -90,13 +90,8 @@ class EpisodeJournal:
     """Keeps the episode that is being recorded safe, step by step.
 
     A step is safe from the death of the process when ``append`` returns, and from a power cut
-    after at most 32 further steps (see ``eutree.data.journal``).
-
-    Args:
-        path: The journal's file, which must not exist yet.
-        observation: The values sensed after reset, shape [d].
-        seed: Seed given to reset.
-        extras: Further facts about the episode, as in ``Episode``.
+    after at most 32 further steps (see ``eutree.data.journal``). The file must not exist yet. It
+    begins with the values sensed after reset, shape [d].
 
     Raises:
         FileError: The file exists or cannot be written.

@@ -76,9 +76,7 @@ class LogFormat:
     def columns_of(self, found: Sequence[str], own: Mapping[str, str]) -> list[str]:
         """Return a table's columns by the names that we know them by; "" of one that is left out.
 
-        Args:
-            found: The first line.
-            own: The columns of the known names, where they have others.
+        ``own`` are the columns of the known names, where they have others.
         """
         if not found:
             raise InvalidArgumentError("the file is empty: the first line must name the columns")

@@ -133,9 +133,7 @@ def _check_size(path: str | Path, size: int, limit: int) -> None:
 def make_folder(path: str | Path, *, of: str = "") -> Path:
     """Make the folder and its missing parents; return its path.
 
-    Args:
-        path: The folder.
-        of: One of ``KINDS``, or empty. A folder that holds something of another kind is refused.
+    One that holds something of another kind than ``of``, one of ``KINDS``, is refused.
     """
     folder = Path(path)
     with reported("make folder", path):
@@ -207,10 +205,9 @@ def remove_file(path: str | Path) -> None:
 
 
 def remove_orphans(folder: str | Path) -> list[Path]:
-    """Remove the temporary files that dead processes of this machine left in ``folder``.
+    """Remove, and return, the temporary files that dead processes of this machine left in a folder.
 
-    Returns:
-        The removed files. Those of living processes and of other machines stay.
+    Those of living processes and of other machines stay.
     """
     removed = []
     with suppress(OSError):

@@ -230,17 +230,8 @@ def practise(
     has cut short, if there is one: mostly the better of both. Let them play, and take the better.
 
     Learning begins with the tree's own play, besides the demonstrations: the model of the world in
-    which it plans is better by that, for nothing.
-
-    Args:
-        tree: The tree to go on from.
-        demonstrations: The episodes to imitate.
-        played: The tree's episodes since; the last ``MOST_KNOWN`` steps are used.
-        env: The environment of the practice.
-        episodes: Episodes of practice.
-        seed: The same seed gives the same tree.
-        on_progress: Called after each episode, as by ``eutree.learn``.
-        stop: Asked before every step; True ends the practice at its last finished episode.
+    which it plans is better by that, for nothing. Of ``played``, its episodes since, the last
+    ``MOST_KNOWN`` steps are used. ``on_progress`` and ``stop`` are as of ``eutree.learn``.
     """
     known = (*demonstrations.episodes, *_recent(played))
     runs: list[Run] = []

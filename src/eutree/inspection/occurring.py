@@ -48,20 +48,15 @@ class Occurring:
     """Looks for observations in boxes.
 
     A derived feature that asks for the step before may be anything, like one that is measured.
-
-    Attributes:
-        schema: The d features, and how some of them are derived.
-        everywhere: Whether all doubles count as observations, or whole numbers where features are
-            whole, and one category of each group.
-        free: The features of which nothing is asked: a derived one may be NaN, which is in no box,
-            but takes the right branch of every test.
-        most: Parts of a box that are looked at, then it is left open; None for ``MOST_PARTS``.
     """
 
-    schema: Schema
+    schema: Schema  # the d features, and how some of them are derived
+    # Whether all doubles count, or whole numbers of what is whole, and one category of each group
     everywhere: bool = False
+    # Of these features nothing is asked: a derived one may be NaN, which is in no box, but takes
+    # the right branch of every test
     free: frozenset[int] = frozenset()
-    most: int | None = None
+    most: int | None = None  # parts of a box that are looked at; None for ``MOST_PARTS``
 
     def within(self, box: Region) -> Occurrence | None:
         """Look for an observation in a box; None where there is none."""

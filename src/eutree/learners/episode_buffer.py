@@ -24,12 +24,7 @@ class FinishedEpisode(NamedTuple):
 
 
 class EpisodeBuffer:
-    """Collects the steps of an episode.
-
-    Attributes:
-        present: The present observation, shape [d].
-        generator: Source of all chance of the episode.
-    """
+    """Collects the steps of an episode, whose source of all chance is ``generator``."""
 
     def __init__(self) -> None:
         self._steps: list[Step] = []
@@ -41,7 +36,7 @@ class EpisodeBuffer:
     def start(self, observation: Floats, generator: np.random.Generator) -> None:
         """Begin an episode at its first observation, shape [d]."""
         self._steps.clear()
-        self._first = self.present = observation
+        self._first = self.present = observation  # [d]
         self.generator = generator
 
     def add(self, step: Step) -> None:

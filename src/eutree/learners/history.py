@@ -27,16 +27,12 @@ _GROWTH = 1.25
 class Columns:
     """Arrays with one entry, or one row, for each of N items; there is room for more.
 
-    Args:
-        kinds: Shape of an entry and dtype of each column.
-
-    Attributes:
-        size: Number of items N.
-        whole: Each column with its spare room, shape [C, ...]; other arrays after ``reserve``.
+    ``kinds`` are the shape of an entry and the dtype of each column.
     """
 
     def __init__(self, kinds: Mapping[str, tuple[tuple[int, ...], str]]) -> None:
-        self.size = 0
+        self.size = 0  # N
+        # Each column with its spare room, [C, ...]; other arrays after ``reserve``.
         self.whole: dict[str, NDArray[Any]] = {
             name: np.empty((_FIRST_ROOM, *shape), dtype) for name, (shape, dtype) in kinds.items()
         }

@@ -30,12 +30,10 @@ _KINDS = {"tree": DecisionTree, "schema": Schema, "environment": EnvironmentSpec
 
 
 def rows_of(observation: Any, names: Sequence[str]) -> Floats:
-    """Return one observation as a vector [d], or a batch as a matrix [E, d].
+    """Return one observation, of d features with these names, as a vector, or a batch as a matrix.
 
-    Args:
-        observation: Numbers of shape [d] or [E, d]; one number where d is 1; or an observation of a
-            ``Dict`` or ``Tuple`` space, or a batch of it, whose leaves have E rows.
-        names: Names of the d features of one observation.
+    It is numbers of shape [d] or [E, d]; one number where d is 1; or an observation of a ``Dict``
+    or ``Tuple`` space, or a batch of it, whose leaves have E rows.
 
     Raises:
         InvalidArgumentError: It is none of these.

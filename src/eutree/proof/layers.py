@@ -32,23 +32,13 @@ _ROUND = 2.0**-50  # of the terms of a sum of a few
 
 
 class Layers:
-    """The states after each number of steps, in boxes along a plant's axes.
+    """The states after each number of steps, in boxes along the axes of a plant that has some.
 
-    Args:
-        policy: Decides in the boxes.
-        plant: The plant, which has axes.
-        refine: How many times finer than the plant's own the cells are.
-
-    Attributes:
-        low: Lower bounds of the boxes, along the axes.
-        high: Upper bounds of the boxes.
-        width: Of the cells along each axis; infinite where no test of the tree depends on it.
-        box_steps: Steps of boxes so far.
-        most: Most boxes at once so far.
+    The cells are ``refine`` times finer than the plant's own.
     """
 
-    low: Floats  # [N, d]
-    high: Floats  # [N, d]
+    low: Floats  # [N, d] lower bounds of the boxes, along the axes
+    high: Floats  # [N, d] upper bounds
 
     def __init__(self, policy: TreePolicy, plant: Plant, refine: int = 1) -> None:
         self._plant = plant
@@ -62,8 +52,9 @@ class Layers:
         self._actions = np.asarray(policy.actions, dtype=np.int64)
         asked = np.isfinite(low).any(axis=0) | np.isfinite(high).any(axis=0)
         matters = (self._back[asked] != 0).any(axis=0)
+        # Of the cells along each axis; infinite where no test of the tree depends on it.
         self.width = np.where(matters, np.array(plant.cells) / refine, np.inf)
-        self.box_steps = self.most = 0
+        self.box_steps = self.most = 0  # steps of boxes, and most boxes at once, so far
         self._begin()
 
     def keeps(self, broken: Callable[[State], Truth], horizon: int, most: int) -> int:

@@ -270,13 +270,9 @@ def nested(
 
 
 def rules(tree: DecisionTree, schema: Schema, leaves: Sequence[str], *, exact: bool = False) -> str:
-    """Return the tree as nested rules.
+    """Return the tree as nested rules, of which ``leaves`` has the text of each leaf.
 
-    Args:
-        tree: Tests to be written.
-        schema: Names and units of its features.
-        leaves: Text of each leaf.
-        exact: Whether thresholds have all their digits, in place of those that a reader needs.
+    ``exact`` thresholds have all their digits, in place of those that a reader needs.
     """
     digits = None if exact else Digits(schema, tree)
 

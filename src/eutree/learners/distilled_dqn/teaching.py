@@ -166,13 +166,7 @@ LAST_OF_TEACHER = 4_000  # steps of the teacher's last episodes that it begins w
 
 
 class DAgger:
-    """The rounds of one learner, of so many steps together; ``tree`` acts before the first.
-
-    Attributes:
-        tree: Who acts in the present round.
-        labelled_from: First row of the experience that is labelled.
-        round_from: The learner's steps at the beginning of the round.
-    """
+    """The rounds of one learner, of so many steps together; ``tree`` acts before the first."""
 
     def __init__(
         self, students: Students, experience: Experience, steps: int, tree: ActionTree
@@ -180,8 +174,9 @@ class DAgger:
         self._students = students
         self._experience = experience
         self._steps = steps
-        self.tree = tree
-        self.labelled_from = self.round_from = 0
+        self.tree = tree  # who acts in the present round
+        self.labelled_from = 0  # first row of the experience that is labelled
+        self.round_from = 0  # the learner's steps at the beginning of the round
 
     def begin(self, steps: int) -> None:
         """Begin the first round, after so many steps of the teacher's."""
