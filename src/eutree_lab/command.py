@@ -13,6 +13,7 @@ from eutree.cli.parts import (
     cluster,
     count_option,
     env_arg_option,
+    import_option,
     json_option,
     output_option,
     refuse,
@@ -228,6 +229,7 @@ def lead(
 @study.command(epilog="Example: eutree study table people/ --csv people.csv")
 @click.argument("folder", type=click.Path(path_type=Path))
 @count_option("--episodes", 500, "How many further episodes each tree plays.")
+@import_option
 @output_option("--csv", "out", text="File to write: one row for each person.")
 @json_option
 def table(folder: Path, episodes: int, out: Path | None, as_json: bool) -> None:

@@ -1,6 +1,7 @@
 """The table of a study: a row for each person, means with intervals, differences in pairs."""
 
 import json
+import sys
 
 import gymnasium
 import pytest
@@ -58,3 +59,17 @@ def test_the_table_has_a_row_for_each_person_and_means(tmp_path, capsys) -> None
     assert (tmp_path / "p.csv").read_text().startswith("person,own,fitted,taken-over,practised")
     with pytest.raises(InvalidArgumentError, match=r"got no \.zip"):
         study_table(tmp_path)
+
+
+def test_the_table_plays_in_an_environment_of_a_module(tmp_path, monkeypatch, capsys) -> None:
+    study = tmp_path / "study"
+    study.mkdir()
+    person_of(study, "0000000a", answer="2", tmp_path=tmp_path)
+    module = "import gymnasium, sys\nassert 'eutree/Evasion2-v0' in gymnasium.registry\n"
+    (tmp_path / "registers_a_task.py").write_text(module)
+    monkeypatch.chdir(tmp_path)
+    line = ["study", "table", str(study), "--episodes", "2", "--json", "--import"]
+    assert run([*line, "registers_a_task"]) == 0
+    assert json.loads(capsys.readouterr().out)["people"][0]["person"] == "0000000a"
+    assert "registers_a_task" in sys.modules
+    assert run([*line, "registers_no_task"]) == 2

@@ -18,6 +18,7 @@ import click
 from eutree.cli._options import as_json as json_option
 from eutree.cli._options import count as count_option
 from eutree.cli._options import environment as env_arg_option
+from eutree.cli._options import module as import_option
 from eutree.cli._options import output as output_option
 from eutree.cli._options import refuse, together
 from eutree.cli._options import seed as seed_option
@@ -25,8 +26,8 @@ from eutree.cli._output import Output, ProgressLine
 from eutree.errors import InvalidArgumentError, MissingExtraError, needed
 
 __all__ = [
-    "Output", "ProgressLine", "cluster", "count_option", "env_arg_option", "json_option",
-    "output_option", "refuse", "seed_option", "workers_options",
+    "Output", "ProgressLine", "cluster", "count_option", "env_arg_option", "import_option",
+    "json_option", "output_option", "refuse", "seed_option", "workers_options",
 ]  # fmt: skip
 
 _Command = TypeVar("_Command", bound=Callable[..., Any])
