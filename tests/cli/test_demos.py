@@ -96,6 +96,27 @@ def test_stats_as_a_page_has_the_same_figures(folder, ask, tmp_path):
     ask("drop", folder, 1)
     page = tmp_path / "demos.html"
     stats = ask("stats", folder, "--html", page)
+def test_stats_count_no_success_of_a_driven_episode(folder, ask, tmp_path):
+    opened = DemonstrationFolder(folder)
+    one = opened.read(0)
+    opened.write(3, replace(one, is_success=False, steps={"by_hand": np.ones(len(one), bool)}))
+    page = tmp_path / "demos.html"
+    stats = ask("stats", folder, "--html", page)
+    assert (stats["whole_episodes"], stats["success_rate"]) == (3, 1.0)
+    assert "100&nbsp;% of the episodes succeed" in page.read_text()
+
+
+def test_stats_of_a_folder_with_an_episode_that_is_cut_altogether(folder, ask):
+    opened = DemonstrationFolder(folder)
+    for number in (3, 4):
+        opened.write(number, opened.read(number - 3))
+    one = opened.read(4)
+    opened.write(4, one.teaching_in(0, len(one), None))
+    stats = ask("stats", folder)
+    assert stats["episodes"] == 5
+    assert [point["episodes"] for point in stats["learning_curve"]["points"]] == [1, 2, 3]
+
+
     text = page.read_text()
     assert stats["path"] == str(page)
     assert stats["advice"] in text

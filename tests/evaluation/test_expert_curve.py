@@ -62,6 +62,25 @@ def test_a_simple_rule_needs_no_more_episodes():
     assert "still errs" not in curve.advice
 
 
+def test_what_is_cut_altogether_is_left_out():
+    """A subset of one such episode could not be fitted."""
+    demos = demos_of(6, simple)
+    whole = demos.episodes[1]
+    cut = whole.teaching_in(0, len(whole), None)
+    driven = replace(whole, is_success=False, steps={"by_hand": np.zeros(len(whole), bool)})
+    light = replace(
+        driven,
+        observations=driven.observations[:3],
+        actions=driven.actions[:2],
+        rewards=driven.rewards[:2],
+        steps={"by_hand": np.zeros(2, bool)},
+    )  # a failure of two steps that a tree drove: neither is imitated
+    curve = expert_curve(replace(demos, episodes=(cut, light, *demos.episodes)))
+    assert curve.n_episodes == 6
+    assert expert_curve(replace(demos, episodes=(cut, *demos.episodes[:3]))) is None
+    assert expert_curve(replace(demos, episodes=(driven, *demos.episodes))).n_episodes == 7
+
+
 def test_a_person_who_contradicts_themself_gains_nothing_and_is_told():
     def fickle(rng, places):
         return np.where(rng.random(len(places)) < 0.2, 1, simple(rng, places))

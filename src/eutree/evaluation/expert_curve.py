@@ -19,6 +19,7 @@ import numpy as np
 from eutree.arrays import Floats
 from eutree.c45 import C45Settings
 from eutree.data import Demonstrations
+from eutree.data.episode import CUT
 from eutree.evaluation.evaluation import Interval, mean_interval
 from eutree.learners import fit_expert_tree
 
@@ -104,9 +105,11 @@ class ExpertCurve:
 def expert_curve(demonstrations: Demonstrations) -> ExpertCurve | None:
     """Return the learning curve of the expert tree, or None with fewer than four episodes.
 
-    They are of one demonstrator; discarded and empty ones are left out.
+    They are of one demonstrator; those of which nothing is imitated are left out: discarded ones,
+    empty ones, and those that are cut altogether.
     """
-    episodes = [number for number, e in enumerate(demonstrations.episodes) if e.kept and len(e)]
+    taught = [e.kept and e.weights[e.taught != CUT].any() for e in demonstrations.episodes]
+    episodes = np.flatnonzero(taught).tolist()
     n = len(episodes)
     if n < MIN_EPISODES:
         return None

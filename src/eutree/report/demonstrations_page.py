@@ -42,9 +42,8 @@ class DemonstrationFigures:
 
     @property
     def success_rate(self) -> float | None:
-        """Share of the kept episodes that succeeded; None where none reports it."""
-        known = [e.is_success for e in self.demonstrations if e.is_success is not None]
-        return sum(known) / len(known) if known else None
+        """Share of the demonstrator's whole episodes that succeeded; None if nothing says so."""
+        return Person.of(self.demonstrations).success_rate
 
     @property
     def advice(self) -> str:
