@@ -649,7 +649,15 @@ def test_a_person_takes_over_from_the_tree_and_hands_back(chromium, tmp_path, to
         assert "You acted in" in person.page.locator("#text").inner_text()
         person.tap("Escape").until(state="opening")
         assert "no key" in idle.inner_text()
+            for key in ("Enter", "Space"):
+                person.tap("p")
+                go_on = person.page.locator("#buttons [data-command=start]")
+                assert go_on.inner_text().split() == ["Go", "onEnter"]
+                person.tap(key)
+                person.page.locator("#buttons [data-command=pause]").wait_for()
         assert "driven by the tree" in person.page.locator("#episodes").inner_text()
+        if not touch:
+            assert "Drive on" in person.page.locator("#buttons").inner_text()
         assert person.data("saved") == "0"
         person.tap("Escape").until(state="finished")
         assert person.page.locator("#title").inner_text() == "1 saved"

@@ -29,7 +29,7 @@ class Driving:
     def __init__(self, env: GuardedEnv, play: Play, recording: Recording) -> None:
         self._env, self._play, self._recording = env, play, recording
         self._programme: Programme | None = None
-        self._is_new = self._is_paused = self._by_hand = False
+        self._is_new = self.is_paused = self._by_hand = False
         self._number = self._n_by_hand = 0
         self._course: Course | None = None
         self._over_at: float | None = None
@@ -46,7 +46,7 @@ class Driving:
     @property
     def waits(self) -> bool:
         """Whether the tree drives, but not at this moment: it is paused, or at an end."""
-        return self.is_on and (self._is_paused or self._over_at is not None)
+        return self.is_on and (self.is_paused or self._over_at is not None)
 
     @property
     def can_watch(self) -> bool:
@@ -80,8 +80,8 @@ class Driving:
             self._go_on(now, self._number + 1)
         elif name == "redo" and self._play.state == WATCHING:
             self._go_on(now, self._number)
-        elif name == "pause" or (name == "start" and self._is_paused):
-            self._pause(now, on=not self._is_paused)
+        elif name == "pause" or (name == "start" and self.is_paused):
+            self._pause(now, on=not self.is_paused)
         return True
 
     def leave(self, now: float) -> None:
@@ -99,7 +99,7 @@ class Driving:
             self._course = Course(self._programme.policy)
         if self._is_new and play.state in (OPENING, REVIEW, WATCHING):
             self._begin(now, WATCHING)
-        if not self.is_on or self._is_paused:
+        if not self.is_on or self.is_paused:
             return
         if play.pictures.is_unanswered(now):
             self._pause(now, on=True)
@@ -121,7 +121,7 @@ class Driving:
             n_by_hand=self._n_by_hand,
             note=self._programme.note,
             is_over=self._over_at is not None,
-            is_paused=self._is_paused,
+            is_paused=self.is_paused,
             ending=self._ending,
             success=self._success,
             why=self._why,
@@ -151,7 +151,7 @@ class Driving:
         if programme is None or (watched and number >= len(programme.scenes)):
             self._stop()
             return
-        self._number, self._over_at, self._is_paused = number, None, False
+        self._number, self._over_at, self.is_paused = number, None, False
         self._ending, self._success = "", None
         self._by_hand, self._n_by_hand = False, 0
         self._course = Course(programme.policy)
@@ -215,7 +215,7 @@ class Driving:
         self._dropped_at = now
 
     def _pause(self, now: float, *, on: bool) -> None:
-        self._is_paused = on
+        self.is_paused = on
         controls = self._play.controls
         controls.pace.stop(now) if on else controls.pace.resume(now)
         if on:
@@ -228,6 +228,7 @@ class Driving:
         if was == DRIVING and not play.trial.is_over:
             self._recording.stop(play.trial, kept=False, comment="left early")
         play.state, play.trial, pixels = self._before
+        self.is_paused = False
         if was == WATCHING or play.state == OPENING:  # else the last episode is the driven one
             play.pictures.expect(pixels)
         play.controls.pace.finish()

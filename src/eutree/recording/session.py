@@ -46,7 +46,7 @@ from eutree.recording.events import (
     Tick,
     View,
 )
-from eutree.recording.keys import KeyMap, keys_of_environment
+from eutree.recording.keys import START_KEYS, KeyMap, keys_of_environment
 from eutree.recording.play import (
     DRIVING,
     FAILED,
@@ -184,9 +184,11 @@ class Session:
         if self.is_over:
             return
         if isinstance(event, KeyDown):
-            free = self.play.key_down(event.key, event.frame, now)
             playing = self.play.is_on and not self.driving.waits
             command = self.play.controls.command(event.key, playing=playing)
+            # The key that lets a tree drive on does not act, even where it is an action's.
+            goes_on = self.driving.is_paused and event.key in START_KEYS
+            free = goes_on or self.play.key_down(event.key, event.frame, now)
             if free and command is not None:
                 self._obey(command, now)
         elif isinstance(event, KeyUp):

@@ -174,7 +174,8 @@ function runs() { return ["playing", "countdown", "driving"].includes(view.state
 function actionKeys() { return (view.actions || []).flatMap((a) => a.keys.flatMap((k) => keysOf(k))); }
 function watches() { return view.state === "watching"; }
 function drives() { return view.state === "driving"; } // a tree that may be corrected
-function goesOn() { return ["opening", "paused", "review", "watching"].includes(view.state); }
+function waits() { return drives() && (view.driving?.is_paused || view.driving?.is_over); }
+function goesOn() { return ["opening", "paused", "review", "watching"].includes(view.state) || waits(); }
 function used(key) {
   return actionKeys().includes(key) || Object.values(view.controls || {}).includes(key)
     || (goesOn() && (key === "enter" || key === "space"));
@@ -230,7 +231,7 @@ addEventListener("keydown", (event) => {
   if (!acts() || !used(key)) return;
   const native = event.target.closest("button, select, summary");
   if (native && (key === "enter" || key === "space" || native.tagName === "SELECT")
-      && !(runs() && actionKeys().includes(key))) return;
+      && !(runs() && !waits() && actionKeys().includes(key))) return;
   event.preventDefault();
   if (!event.repeat) press(key, event.code || event.key);
 });
@@ -447,7 +448,7 @@ function watchingButtons() {
   const { number, of, is_over, is_paused } = view.driving;
   if (drives()) {
     const end = ["finish", "That is enough"], drop = ["discard", "Discard"];
-    if (is_over) return [["start", "Drive on", "enter"], drop, end];
+    if (is_over) return [["start", "Drive on", actionKeys().includes("enter") ? "" : "enter"], drop, end];
     return [is_paused ? ["start", "Go on", "enter"] : ["pause", "Pause"], drop, end];
   }
   const next = number < of ? "Next one" : "That was the last", back = ["finish", "Back"];
