@@ -1,5 +1,7 @@
 """The recording engine under a scripted person and a clock of the test's own."""
 
+from dataclasses import replace
+
 import gymnasium
 import numpy as np
 import pytest
@@ -432,6 +434,42 @@ def test_an_episode_without_a_step_is_not_stored() -> None:
     assert person.view.state == "review"
     assert person.session.episodes == []
     assert kinds(person.outputs) == [EpisodeStarted, EpisodeAbandoned]
+
+
+def test_the_action_taken_is_shown_where_the_wished_one_is_masked() -> None:
+    class Walled(Corridor):
+        def action_masks(self) -> np.ndarray:
+            return np.array([True, True, self.place < 3])
+
+    person = Person(Walled())
+    person.tap("enter").until("playing").press("right").until("playing").wait(1.2)
+    assert person.session.play.trial.observation[0] < 4
+    walked = [output.action for output in person.outputs if isinstance(output, StepTaken)]
+    assert set(walked[-3:]) == {0, 2}  # to the wall, and back, as left is the first allowed one
+    for _ in range(4):
+        step = person.view.step
+        while person.view.step == step:
+            person.wait(1 / 60)
+        taken = [output.action for output in person.outputs if isinstance(output, StepTaken)][-1]
+        assert person.view.action == taken
+        assert person.view.coming == (2 if person.session.play.trial.observation[0] < 3 else 0)
+
+
+def test_without_an_idle_action_the_one_taken_goes_on_not_the_one_masked() -> None:
+    class Walled(Corridor):
+        def action_masks(self) -> np.ndarray:
+            return np.array([True, True, self.place != 1])
+
+    keys = parse_keys("left=0,right=2", describe(Walled()))
+    keys = replace(keys, idle=None)
+    person = Person(session=Session(GuardedEnv(Walled()), keys=keys))
+    person.session.recording.start = next(
+        k for k in range(20) if GuardedEnv(Corridor()).reset(episode_seed(0, k, Stream.PERSON))[0]
+    )
+    person.tap("enter").until("playing").press("right").wait(0.05).release("right").wait(0.3)
+    taken = [output.action for output in person.outputs if isinstance(output, StepTaken)]
+    assert len(taken) > 2
+    assert set(taken) == {0}
 
 
 def test_target_reached_and_finished() -> None:

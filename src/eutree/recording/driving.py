@@ -176,14 +176,15 @@ class Driving:
                 self._refit()
             return
         action = self._decided(self._course.decide(trial.observation, self._env.allowed))
-        play.controls.action = action
         if play.state == WATCHING:
             row = trial.step(action, self._env.step(action), now, {})
             episode = trial.finish() if row.terminated or row.truncated else None
         else:
             measured = play.pictures.facts(play.controls.pace.speed)
-            self._recording.step(trial, action, now, {**measured, "by_hand": self._by_hand})
+            measured["by_hand"] = self._by_hand
+            action = self._recording.step(trial, action, now, measured)
             episode = self._recording.episodes[-1] if trial.is_over else None
+        play.controls.action = action
         if episode is not None:
             self._ending, self._success = told(episode, self._env.env)
         play.controls.pace.begin(now)

@@ -193,14 +193,18 @@ class Recording:
         self._outputs.append(EpisodeStarted(observation, trial.seed, dict(extras)))
         return trial
 
-    def step(self, trial: Trial, action: int, now: float, measured: dict[str, Any]) -> None:
+    def taken(self, action: int) -> int:
+        """Return the action that is taken for one: where it is masked, the first allowed one."""
+        allowed = self._env.allowed
+        return action if allowed is None or allowed[action] else int(allowed.argmax())
+
+    def step(self, trial: Trial, action: int, now: float, measured: dict[str, Any]) -> int:
         """Take a step in the environment; store the episode if it ends there.
 
-        In place of an action that is masked the first that is allowed is taken.
+        Return the action that was ``taken``.
         """
-        allowed = self._env.allowed
+        action, allowed = self.taken(action), self._env.allowed
         if allowed is not None:
-            action = action if allowed[action] else int(allowed.argmax())
             measured = {**measured, ALLOWED: allowed.tolist()}
         if trial.extras.get(AGAIN):
             measured = {TAUGHT: action, **measured}
@@ -208,6 +212,7 @@ class Recording:
         self._outputs.append(output)
         if output.terminated or output.truncated:
             self._keep(trial.finish())
+        return action
 
     def stop(self, trial: Trial, *, kept: bool, comment: str = "", ending: str = STOPPED) -> None:
         """End an episode by the person's wish, or for the reason ``ending``."""

@@ -329,16 +329,15 @@ class Session:
         self.driving.advance(now)
         action = play.decision(now)
         if action is not None:
-            play.controls.action = action
             measured = play.pictures.facts(play.controls.pace.speed)
-            self.recording.step(play.trial, action, now, measured)
+            play.controls.action = self.recording.step(play.trial, action, now, measured)
             play.controls.pace.begin(now)
             play.pictures.expect()
 
     def _view(self, now: float) -> View:
         controls, schema = self.play.controls, self.env.schema
         keys, pace = controls.keys, controls.pace
-        episodes = self.recording.views()
+        episodes, play = self.recording.views(), self.play.view_fields(now)
         if self.state in (PLAYING, DRIVING) and self.play.trial.is_over:
             # Nothing is said of an end that is still to be seen.
             episodes = episodes[: self.recording.last]
@@ -370,5 +369,5 @@ class Session:
             interval=pace.interval,
             beat=pace.beat,
             is_slowed=self.settings.fps is None and pace.fps > QUICK and pace.speed < 1.0,
-            **self.play.view_fields(now),
+            **play | {"coming": self.recording.taken(play["coming"])},
         )
