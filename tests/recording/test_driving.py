@@ -256,6 +256,58 @@ def test_who_leaves_in_the_middle_pauses_it_and_the_keys_go_up(person) -> None:
     assert stored(person)[0].comment == "left early"
 
 
+@pytest.mark.parametrize("key", ["enter", "space"])
+def test_the_key_that_ends_a_pause_of_driving_may_be_an_action_s_and_does_not_act(key) -> None:
+    person = Person(Keyed()).walk(key)
+    correcting(person, always(STAY)).wait(0.3).press(key).wait(0.3)
+    assert person.view.driving.by_hand  # while it drives on the key acts
+    person.release(key).tap("p").wait(0.2)
+    step, n_by_hand = person.view.step, person.view.driving.n_by_hand
+    assert person.press(key).wait(0.3).release(key).view.step > step
+    assert (person.view.driving.is_paused, person.view.held) == (False, [])
+    assert person.view.driving.n_by_hand == n_by_hand
+    person.tap("p").tap("escape")  # and a pause that was left is over
+    person.wait(1.0).tap("enter").until("playing")
+    assert person.press(key).wait(0.3).view.action == RIGHT
+
+
+class Keyed(Corridor):
+    """A corridor in which Space and Enter act."""
+
+    def get_keys_to_action(self):
+        return {("space",): RIGHT, ("enter",): RIGHT, (): STAY}
+
+
+def test_who_stops_before_the_first_step_has_recorded_what_was_before(person) -> None:
+    person.walk()
+    reached = person.frames[-1][1]
+    correcting(person, always(STAY)).tap("escape").wait(0.3)
+    assert (person.view.state, person.view.last) == ("review", 0)
+    assert (person.frames[-1][1].pixels == reached.pixels).all()
+    correcting(person, always(STAY))
+    until_over(person)
+    person.tap("enter").tap("escape")
+    assert (person.view.state, person.view.last) == ("review", 1)
+    person.wait(1.0).tap("enter").wait(1.0).tap("p").tap("e")  # of an own one nothing is said
+    assert (person.view.state, person.view.last) == ("review", None)
+
+
+def test_the_action_taken_is_shown_where_the_one_by_hand_is_masked() -> None:
+    person = Person(Walled())
+    correcting(person, always(STAY)).press("right").wait(0.3)
+    assert person.view.driving.by_hand
+    assert person.view.action == LEFT
+    person.release("right").wait(0.2)
+    assert person.view.action == STAY
+
+
+class Walled(Corridor):
+    """A corridor in which nobody may go to the right."""
+
+    def action_masks(self):
+        return np.array([True, True, False])
+
+
 def test_without_a_way_to_fit_nothing_can_be_corrected(person) -> None:
     person.session.driving.offer(Programme(always(STAY), (Scene(0),)))
     person.do("correct").until("watching")

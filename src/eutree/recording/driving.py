@@ -225,12 +225,12 @@ class Driving:
 
     def _stop(self) -> None:
         """Give the person the picture back."""
-        play, was = self._play, self._play.state
+        play, was, driven = self._play, self._play.state, self._play.trial.n_steps
         if was == DRIVING and not play.trial.is_over:
             self._recording.stop(play.trial, kept=False, comment="left early")
-        play.state, play.trial, pixels = self._before
         self.is_paused = False
-        if was == WATCHING or play.state == OPENING:  # else the last episode is the driven one
+        play.state, play.trial, pixels = self._before
+        if was == WATCHING or play.state == OPENING or not driven:  # else it is the last episode's
             play.pictures.expect(pixels)
         play.controls.pace.finish()
         play.controls.start()

@@ -127,7 +127,7 @@ class Recording:
         episodes: All episodes, discarded ones included.
         numbers: The number of each episode in its folder.
         last: Place of this session's last episode in the list; None before the first, and after
-            one that ended before its first step.
+            one that the person ended before its first step.
         start: Number of the present start. It is advanced when an episode is stored.
         missing: An episode with a situation not shown yet, to begin one like it; None if none is
             known.
@@ -219,7 +219,7 @@ class Recording:
         if trial.n_steps:
             self._keep(replace(trial.finish(ending), kept=kept, comment=comment))
         else:  # nothing was shown: the start is unused
-            trial.is_over, self.last = True, None
+            trial.is_over = True
             self._outputs.append(EpisodeAbandoned())
 
     def mark(self, index: int, *, kept: bool, comment: str = "") -> None:

@@ -321,6 +321,8 @@ class Session:
         """End the running episode, by the person's wish."""
         if not self.play.trial.is_over:
             self.recording.stop(self.play.trial, kept=kept, comment=comment)
+            if not self.play.trial.n_steps:
+                self.recording.last = None
             self.play.review(now)
 
     def _advance(self, now: float) -> None:
