@@ -320,11 +320,15 @@ def test_a_list_entry_is_discarded_and_kept(chromium, tmp_path) -> None:
         person.page.get_by_role("button", name="Discard episode 0").click()
         person.until(saved=0)
         person.page.get_by_role("button", name="Keep episode 0").click()
-        person.until(saved=1)
+        person.until(saved=1).rest(0.8).tap("Enter").until(state="playing")  # it is not discarded
         end = time.monotonic() + ENOUGH
         while not served.session.episodes[0].kept:
             assert time.monotonic() < end
             time.sleep(0.01)
+        person.tap("p").until(state="paused").tap("Escape").until(state="review")
+        person.page.get_by_role("button", name="Discard episode 0").focus()
+        person.tap("Enter").until(saved=0)  # by keyboard the focus stays
+        assert person.page.evaluate("document.activeElement.id") == "use-0"
 
 
 CONTRAST = """() => {
@@ -645,19 +649,19 @@ def test_a_person_takes_over_from_the_tree_and_hands_back(chromium, tmp_path, to
             person.page.mouse.up()
         else:
             person.down("ArrowDown").until(acting="you: stop").up("ArrowDown")
-        person.until(acting="tree: go").until(seen="over 1")
-        assert "You acted in" in person.page.locator("#text").inner_text()
-        person.tap("Escape").until(state="opening")
-        assert "no key" in idle.inner_text()
             for key in ("Enter", "Space"):
                 person.tap("p")
                 go_on = person.page.locator("#buttons [data-command=start]")
                 assert go_on.inner_text().split() == ["Go", "onEnter"]
                 person.tap(key)
                 person.page.locator("#buttons [data-command=pause]").wait_for()
-        assert "driven by the tree" in person.page.locator("#episodes").inner_text()
+        person.until(acting="tree: go").until(seen="over 1")
         if not touch:
             assert "Drive on" in person.page.locator("#buttons").inner_text()
+        assert "You acted in" in person.page.locator("#text").inner_text()
+        person.tap("Escape").until(state="opening")
+        assert "no key" in idle.inner_text()
+        assert "driven by the tree" in person.page.locator("#episodes").inner_text()
         assert person.data("saved") == "0"
         person.tap("Escape").until(state="finished")
         assert person.page.locator("#title").inner_text() == "1 saved"

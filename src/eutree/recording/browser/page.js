@@ -565,7 +565,10 @@ function showEpisodes() {
     use.textContent = episode.kept ? "Discard" : "Keep";
     use.setAttribute("aria-label", `${use.textContent} episode ${episode.number}`);
     use.disabled = !acts() || isOver();
-    use.addEventListener("click", () => act(episode.kept ? "drop" : "keep", index));
+    use.addEventListener("click", (event) => {
+      act(episode.kept ? "drop" : "keep", index);
+      if (event.detail) $("picture").focus({ preventScroll: true }); // by mouse: Enter goes on
+    });
     const total = episode.total === null ? "" : String(Math.round(episode.total * 100) / 100);
     row.append(cell(String(episode.number)), result, cell(String(episode.length), "right"),
       cell(total, "right"), cell(use));
