@@ -94,6 +94,19 @@ def test_written_keys() -> None:
     assert parse_keys("==1", SCHEMA).keys == ("+",)
 
 
+def test_a_name_may_have_commas_in_it() -> None:
+    """A key could not be given to an action of parts."""
+    names = ("a 0, b 0", "a 0, b 1", "a 1", "a 1,", "a 0")
+    schema = Schema(Schema.anonymous(1, 1).features, names)
+    keys = parse_keys("left=a 0, b 0,right=a 0, b 1, up=a 1,down=4,none=a 0, b 0", schema)
+    assert [keys.keys_of(action) for action in range(5)] == [
+        ["left"], ["right"], ["up"], [], ["down"],
+    ]  # fmt: skip
+    assert keys.idle == 0
+    with pytest.raises(InvalidArgumentError, match="unknown action 'a 2'"):
+        parse_keys("left=a 2, b 1", schema)
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [

@@ -133,15 +133,22 @@ def check_key(name: str) -> str:
 
 
 def parse_keys(text: str, schema: Schema) -> KeyMap:
-    """Return the map that ``left=0,right=go,left+up=2,none=1`` describes.
+    """Return the map that ``left=0,right=go,left+up=2,none=1`` describes; names may have commas.
 
     Raises:
         InvalidArgumentError: An entry is not KEY=ACTION, or names an unknown key or action.
     """
     combinations: dict[frozenset[str], int] = {}
     idle: int | None = None
-    for entry in text.split(","):
-        keys, equals, action = (part.strip() for part in entry.rpartition("="))
+    parts, most = text.split(","), 1 + max(name.count(",") for name in schema.actions)
+    while parts:
+        entry = parts[0]
+        keys, equals, first = (part.strip() for part in entry.rpartition("="))
+        for count in range(min(most, len(parts)), 0, -1):  # the longest name counts
+            action = ",".join([first, *parts[1:count]]).rstrip()
+            if action in schema.actions:
+                break
+        del parts[:count]
         if not equals or not keys or not action:
             raise InvalidArgumentError(
                 f"keys must be KEY=ACTION pairs such as left=0,right=1, got {entry!r}"
