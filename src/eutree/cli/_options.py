@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 _FULL = "eutree.help_all"  # in click's context: every option is to be shown
 _LINE = "eutree.line"  # and the words that were given
 _JSON = "eutree.json"  # and whether one JSON object is wanted
+_MODULE = "eutree.module"  # and the module that was imported
 _ONE_OBJECT = "Print exactly one JSON object on standard output."
 _SHARED: Mapping[str, Sequence[str]] = {
     "The environment": ("env_arguments", "decode", "action_grid", "import", "names", "derive",
@@ -160,6 +161,12 @@ def line_with(*more: str) -> str:
     """Return the line of the command under way with more words, quoted for a shell."""
     context = click.get_current_context()
     return shlex.join(["eutree", str(context.info_name), *context.meta[_LINE], *more])
+
+
+def imported() -> tuple[str, ...]:
+    """Return the words by which another command knows the same environments."""
+    module = click.get_current_context().meta.get(_MODULE)
+    return () if module is None else ("--import", module)
 
 
 class Written(click.Path):
@@ -368,7 +375,7 @@ def _import_module(context: click.Context, parameter: click.Parameter, name: str
     if name is None or context.resilient_parsing:
         return
     look_in_this_folder()
-    name = name.removesuffix(".py")
+    context.meta[_MODULE] = name = name.removesuffix(".py")
     if not all(part.isidentifier() for part in name.split(".")):
         raise click.BadParameter(f"must be the name of a module, as in Python, got {shown(name)}")
     try:

@@ -235,19 +235,20 @@ def record_on_page(
         output.say(f"open {server.url}")
         if is_loopback(host) and not opens(server.url):
             output.say(
+    maker.imported = option.imported()
                 f"from another machine, first: ssh -L {server.port}:127.0.0.1:{server.port} "
                 "THIS-MACHINE"
             )
 
-    place = shlex.quote(str(out))
-    steps = (f"demos stats {place} --html demos.html", f"fit {place} --out expert.json",
-             "show expert.json")  # fmt: skip
+    steps = (("demos", "stats", str(out), "--html", "demos.html"),
+             ("fit", str(out), "--out", "expert.json", *maker.imported),
+             ("show", "expert.json"))  # fmt: skip
     with opened_by() as opens:
         record_in_browser(
             recorder,
             host=host,
             port=port,
-            details={"commands": [] if lead else [f"eutree {step}" for step in steps]},
+            details={"commands": [] if lead else [shlex.join(["eutree", *step]) for step in steps]},
             maker=lead[0] if lead else maker,
             guide=lead[1] if lead else None,
             on_ready=ready,

@@ -47,13 +47,14 @@ class PageTree:
 
     The tree is written beside the folder: ``demos-tree.json``, and ``demos-practised.json`` where
     practice made it better. ``make`` makes the environment where it plays and practises, without
-    pictures, and ``seed`` is that of both.
+    pictures, and ``seed`` is that of both; by the words ``imported`` the commands know it.
     """
 
     def __init__(
         self, folder: Path, make: "Callable[[], gymnasium.Env[Any, Any]]", *, seed: int = 0
     ) -> None:
         self._folder, self._make, self._seed = folder, make, seed
+        self.imported: tuple[str, ...] = ()
         self._fitted: FitReport | None = None
         self._best: Way | None = None
         self._presses = 0
@@ -310,10 +311,11 @@ class PageTree:
         run, source = path.with_name("run"), path.with_suffix(".c")
         lines: tuple[tuple[object, ...], ...] = (
             ("show", path),
-            ("evaluate", path, "--episodes", 1000),
-            ("learn", "--demos", self._folder, "--expert", path, *history, "--out", run),
+            ("evaluate", path, "--episodes", 1000, *self.imported),
+            ("learn", "--demos", self._folder, "--expert", path, *history, "--out", run,
+             *self.imported),
             ("export", path, "--format", "c", "--out", source),
-        )
+        )  # fmt: skip
         return tuple(shlex.join(["eutree", *map(str, line)]) for line in lines)
 
 
