@@ -60,6 +60,7 @@ def test_a_careless_one_errs_now_and_then(eutree, plan):
     assert answer.code == 0, answer.err
     actions = np.concatenate([one.actions for one in Demonstrations.load("demos")])
     assert 0 < (actions == 0).mean() < 0.5
+    assert Demonstrations.load("demos").expert == "careless(push, 0.5)"
 
 
 def test_it_teaches_a_tree(eutree, plan):

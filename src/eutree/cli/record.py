@@ -168,9 +168,12 @@ def _recorded_expert(
     shows = controller(expert, "--expert", spec)
     if careless:
         careful = shows
-        shows = experts.careless(
-            lambda env: FullPolicy(as_policy(careful, env)), careless, seed=seed
-        )
+
+        def full(env: "gymnasium.Env[Any, Any]") -> FullPolicy:
+            return FullPolicy(as_policy(careful, env))
+
+        full.__name__ = str(getattr(careful, "__name__", type(careful).__name__))
+        shows = experts.careless(full, careless, seed=seed)
     finished = 0
     try:
         with progress("recording", episodes) as line:
