@@ -60,6 +60,7 @@ FAMILIES = (  # the first that has a sentence
     Family("environments", "EnvironmentFault|ResetNeeded"),
     Family("environments", "TypeError", r"interaction/spaces", r"numbers?$|observations$"),
     Family("environments", ARGUMENT, r"interaction/", r"must allow|decode (raised|must)|mask must"),
+    Family("environments", ARGUMENT, r"cli/record", r"must draw"),
     Family("folders", "RunFolderError"),
     Family("folders", ARGUMENT, r"cli/_given", r"begun with|folder of a run|arguments of the"),
     Family("reading", "FileError"),

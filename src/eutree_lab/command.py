@@ -20,7 +20,7 @@ from eutree.cli.parts import (
     seed_option,
     workers_options,
 )
-from eutree.cli.record import page_options, record_on_page
+from eutree.cli.record import make_seen, page_options, record_on_page
 
 _LINE = "eutree_lab.line"  # in click's context
 
@@ -201,14 +201,13 @@ def lead(
     Its plan, study.toml, and the text that people agree to, consent.md, are written where they are
     missing: change them before the first person.
     """
-    from eutree.interaction.making import make
     from eutree.recording import SessionSettings
     from eutree.schema import EnvironmentSpec
     from eutree_lab.study.lead import conduct
 
     os.environ.setdefault("SDL_VIDEODRIVER", "dummy")  # pictures are drawn without a display
     output, spec = Output(as_json=as_json), EnvironmentSpec(environment, env_arguments)
-    env, pace = make(spec, render_mode="rgb_array"), SessionSettings(fps=fps, hud=hud)
+    env, pace = make_seen(spec), SessionSettings(fps=fps, hud=hud)
     with conduct(folder, spec, env, person=person, keys=keys, pace=pace) as (recorder, tree, guide):
         code = recorder.folder.path.parent.name
         line = list(click.get_current_context().meta.get(_LINE, (str(folder), environment)))
@@ -229,8 +228,8 @@ def lead(
 @study.command(epilog="Example: eutree study table people/ --csv people.csv")
 @click.argument("folder", type=click.Path(path_type=Path))
 @count_option("--episodes", 500, "How many further episodes each tree plays.")
-@import_option
 @output_option("--csv", "out", text="File to write: one row for each person.")
+@import_option
 @json_option
 def table(folder: Path, episodes: int, out: Path | None, as_json: bool) -> None:
     """Print the results of the people of a study, and of their trees."""

@@ -6,7 +6,7 @@ import shlex
 import sys
 import webbrowser
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -96,7 +96,7 @@ def record(
         raise InvalidArgumentError("--person needs --study")
     if out is None:
         raise click.MissingParameter(param_hint="'--out'", param_type="option")
-    env = _made(spec, starts_from, None if expert is not None else "rgb_array")
+    env = _made(spec, starts_from, seen=expert is None)
     if expert is not None:
         return _recorded_expert(
             spec, env, out, expert, episodes=episodes, careless=careless, seed=seed
@@ -131,15 +131,29 @@ def _lead(environment: str, study: Path, **given: Any) -> None:
     context.invoke(lead, folder=study, environment=environment, **given)
 
 
+def make_seen(spec: EnvironmentSpec) -> "gymnasium.Env[Any, Any]":
+    """Return the environment for a person, who sees what it draws."""
+    from eutree.interaction.making import make
+
+    with closing(make(spec)) as env:
+        modes = env.metadata.get("render_modes") or ()
+    if "rgb_array" not in modes:
+        raise InvalidArgumentError(
+            f"{spec} must draw what a person sees: its metadata['render_modes'] must hold "
+            f"'rgb_array', and its constructor take render_mode; got {list(modes)}"
+        )
+    return make(spec, render_mode="rgb_array")
+
+
 def _made(
-    spec: EnvironmentSpec, starts_from: Path | None, render_mode: str | None
+    spec: EnvironmentSpec, starts_from: Path | None, *, seen: bool
 ) -> "gymnasium.Env[Any, Any]":
     """Return the environment, whose episodes begin where a certificate failed, if one is named."""
     from eutree.interaction.making import make
     from eutree.proof import BeginningThere, load_certificate
 
     os.environ.setdefault("SDL_VIDEODRIVER", "dummy")  # pictures are drawn without a display
-    env = make(spec, render_mode=render_mode)
+    env = make_seen(spec) if seen else make(spec)
     if starts_from is None:
         return env
     certificate = load_certificate(starts_from)
@@ -221,6 +235,7 @@ def record_on_page(
     from eutree.recording.browser.wire import is_loopback
 
     maker = PageTree(out, lambda: make(spec), seed=recorder.session.settings.seed)
+    maker.imported = option.imported()
     tree = None if drive is None else load_policy(drive)
     if tree is not None:
         recorder.session.env.schema.check_same(
@@ -238,7 +253,6 @@ def record_on_page(
         output.say(f"open {server.url}")
         if is_loopback(host) and not opens(server.url):
             output.say(
-    maker.imported = option.imported()
                 f"from another machine, first: ssh -L {server.port}:127.0.0.1:{server.port} "
                 "THIS-MACHINE"
             )
