@@ -49,6 +49,10 @@ def test_list_keep_drop_and_trim(folder, ask, capsys):
     assert len(Demonstrations.load(folder)) == 1
     ask("keep", folder, 2)
     assert len(Demonstrations.load(folder)) == 2
+    assert ask("list", folder)["episodes"][2]["comment"] == ""  # why it was discarded
+    ask("keep", folder, 2, "--comment", "good")
+    ask("keep", folder, 2)
+    assert ask("list", folder)["episodes"][2]["comment"] == "good"  # it was kept already
     ask("trim", folder, 1, "--steps", 4)
     assert ask("list", folder)["episodes"][1]["length"] == 4
     assert run(["demos", "list", folder]) == 0

@@ -360,7 +360,8 @@ def _kept(folder: Path, numbers: tuple[int, ...], comment: str | None, *, kept: 
     opened = _open_to_edit(folder)
     episodes = {number: opened.read(number) for number in numbers}  # all exist, or none is changed
     for number, episode in episodes.items():
-        text = episode.comment if comment is None else comment
+        was = "" if kept and not episode.kept else episode.comment  # why it was discarded
+        text = was if comment is None else comment
         opened.write(number, replace(episode, kept=kept, comment=text))
     word = "kept" if kept else "discarded"
     listing = ", ".join(map(str, episodes))
