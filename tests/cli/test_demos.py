@@ -96,10 +96,6 @@ def test_replay_in_a_window_takes_the_recorded_steps(folder, ask, monkeypatch, r
     assert modes == ["human", "human"]
 
 
-def test_stats_as_a_page_has_the_same_figures(folder, ask, tmp_path):
-    ask("drop", folder, 1)
-    page = tmp_path / "demos.html"
-    stats = ask("stats", folder, "--html", page)
 def test_stats_count_no_success_of_a_driven_episode(folder, ask, tmp_path):
     opened = DemonstrationFolder(folder)
     one = opened.read(0)
@@ -121,6 +117,10 @@ def test_stats_of_a_folder_with_an_episode_that_is_cut_altogether(folder, ask):
     assert [point["episodes"] for point in stats["learning_curve"]["points"]] == [1, 2, 3]
 
 
+def test_stats_as_a_page_has_the_same_figures(folder, ask, tmp_path):
+    ask("drop", folder, 1)
+    page = tmp_path / "demos.html"
+    stats = ask("stats", folder, "--html", page)
     text = page.read_text()
     assert stats["path"] == str(page)
     assert stats["advice"] in text
@@ -299,6 +299,29 @@ def test_export_overwrites_its_own_tables_and_no_log(folder, ask, tmp_path):
     log.write_text("")
     ask("export", folder, log)
     assert log.read_bytes()
+
+
+def test_export_says_what_a_table_does_not_hold(folder, ask, tmp_path, capsys, monkeypatch):
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path / "minari"))
+    opened = DemonstrationFolder(folder)
+    one = opened.read(1)
+
+    def said(name):
+        assert run(["demos", "export", folder, name]) == 0
+        return " ".join(capsys.readouterr().err.split())
+
+    table = str(tmp_path / "a.csv")
+    assert said(table) == ""
+    opened.write(1, one.teaching_in(0, 2, None))
+    assert said(table).startswith("warning: the marks of steps cut or flipped are not in the table")
+    opened.write(2, replace(one, steps={"by_hand": np.ones(len(one), bool)}))
+    both = "the marks of steps that a tree drove and steps cut or flipped are not in the table"
+    assert both in said(str(tmp_path / "a.npz"))
+    assert said("minari:eutree/marks-v0") == ""
+    ask("import", "minari:eutree/marks-v0", "--out", tmp_path / "back")
+    assert Demonstrations.load(tmp_path / "back").episodes[1].taught.tolist()[:2] == [-1, -1]
+    ask("drop", folder, 1, 2)
+    assert said(table) == ""  # nobody learns from these
 
 
 @pytest.mark.parametrize(

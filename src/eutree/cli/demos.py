@@ -8,11 +8,11 @@ from typing import Any
 import click
 
 from eutree.cli import _options as option
-from eutree.cli._output import Result, figures_of
+from eutree.cli._output import Result, figures_of, say
 from eutree.cli.fit import hurting
 from eutree.data import DemonstrationFolder, Demonstrations, Episode, LogFormat, derive
 from eutree.data.csv_files import MAX_CSV, read_csv
-from eutree.data.episode import DROPPED
+from eutree.data.episode import DROPPED, TAUGHT
 from eutree.data.log_format import KNOWN, seconds_of
 from eutree.display import counted
 from eutree.errors import InvalidArgumentError, blamed
@@ -333,6 +333,13 @@ def export(folder: Path, target: str) -> Result:
     demonstrations, _ = _all_of(folder)
     write = {"minari": demonstrations.to_minari, "csv": demonstrations.to_csv}
     write.get(kind, demonstrations.to_npz)(target.removeprefix("minari:"))
+    marks = {"by_hand": "steps that a tree drove", TAUGHT: "steps cut or flipped"}
+    lost = [said for name, said in marks.items() if any(name in e.steps for e in demonstrations)]
+    if lost and kind != "minari":
+        say(
+            f"warning: the marks of {' and '.join(lost)} are not in the table; who reads it "
+            "imitates each step as it was taken"
+        )
     return _written(demonstrations, target)
 
 
