@@ -433,6 +433,16 @@ def test_facts_are_words() -> None:
     assert facts.endswith("torque in 4 levels from -2 to 2 N m, decode, opponents 2")
 
 
+def test_the_key_names_numbers_by_quantities_or_by_the_names_that_they_have() -> None:
+    """Actions that the environment names, but counts from 5, were 5, 6, 7 and 8."""
+    control = Control("action", "", (5.0, 6.0))
+    unnamed = Schema(EVASION.features, combined_actions((control,)), (control,))
+    named = replace(unnamed, actions=("wait", "left"))
+    texts = tree_data(policy_of(tree(1, 3), unnamed), ())["levels"]["texts"]
+    assert texts == ["5", "6"]
+    assert tree_data(policy_of(tree(1, 3), named), ())["levels"] is None
+
+
 def test_a_leaf_lists_what_was_tried_and_says_what_values_are(
     chromium: Any, tmp_path: Path
 ) -> None:

@@ -15,7 +15,7 @@ from eutree.export.drawing import fills
 from eutree.policies import TreePolicy
 from eutree.report.html import LeafChange, as_json, base_style
 from eutree.report.watching import WatchedEpisode
-from eutree.schema import Feature, Schema
+from eutree.schema import Feature, Schema, combined_actions
 from eutree.trees.text import Digits, derived_features
 
 SIZE_LIMIT = 5_000_000
@@ -94,8 +94,8 @@ def _kind(feature: Feature) -> dict[str, Any]:
 
 
 def _levels(schema: Schema) -> dict[str, Any] | None:
-    """Return the quantity that the actions set, and its levels in words, where it is one alone."""
-    if len(schema.controls) != 1:
+    """Return the one quantity that actions set and are named by, and its levels in words."""
+    if len(schema.controls) != 1 or schema.actions != combined_actions(schema.controls):
         return None
     (control,) = schema.controls
     texts = told_apart(control.levels, max(control.levels) - min(control.levels))
