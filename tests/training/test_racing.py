@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import eutree
+from eutree.contests import Ahead
 from eutree.envs.experts import careless
 from eutree.errors import InvalidArgumentError, RunFolderError
 from eutree.interaction import GuardedEnv, episode_seed, run_episode
@@ -15,6 +16,7 @@ from eutree.policy_search import climbing
 from eutree.training import proposals
 from eutree.training import search as search_module
 from eutree.training.proposals import PROMISING, SearchSettings, key
+from eutree.training.raced_episodes import Block, RacedEpisodes
 from eutree.training.search import LONG, ROUNDS, PolicySearch
 from eutree.world_model import WorldModel
 from tests.corridor import WRONG, Corridor, policy_of
@@ -429,3 +431,55 @@ def test_a_race_with_steps_to_spare_begins_again_elsewhere(env, plain, monkeypat
     found = run(search_of(result, steps=steps), env)
     assert key(found.incumbent) == key(right if climbs else WRONG)
     assert found.state.won == climbs
+
+
+def test_a_challenger_that_lost_tells_the_models_where_they_were_wrong(env, plain, monkeypatch):
+    """They propose again before single changes are tried, three times at most."""
+    right, proposed = policy_of(0, 5.0, 1), []
+
+    def planned(_, policy, episodes):
+        proposed.append(len(episodes))
+        return [right] if len(proposed) == 3 else [policy_of(0, 1.0 * len(proposed), 1)]
+
+    monkeypatch.setattr(proposals.Proposals, "planned", planned)
+    for name, found in {"pruned": [], "promising": None, "climbed": []}.items():
+        monkeypatch.setattr(proposals.Proposals, name, lambda *_, found=found: found)
+    monkeypatch.setattr(PolicySearch, "_better", lambda self, state, challenger, errors: beats(
+        challenger, right))  # fmt: skip
+    found = run(search_of(replace(plain, policy=WRONG)), env)
+    assert key(found.incumbent) == key(right)
+    assert len(proposed) == ROUNDS
+    assert proposed == sorted(set(proposed))  # by the episodes of those that lost
+
+
+def beats(challenger, other):
+    yield from ()
+    return key(challenger) == key(other)
+
+
+@pytest.mark.parametrize("limit", range(20, 120, 9))
+def test_pairs_that_the_budget_allowed_count(env, limit):
+    """A look of eight pairs may be cut short in the middle."""
+    raced, guarded, trees = (
+        RacedEpisodes(10, grows=False),
+        GuardedEnv(env),
+        (WRONG, policy_of(0, 3.0, 1)),
+    )
+    tables, run = [], {key(tree): 0 for tree in trees}
+
+    class Told(Ahead):
+        def stopped(self, table):
+            tables.append(table.copy())
+            return super().stopped(table)
+
+    contest, episode = raced.hold(Told(looks=(8,)), Block(0, limit), trees), None
+    while not tables:
+        try:
+            tree, start = contest.send(episode)
+        except StopIteration:
+            break
+        episode = run_episode(guarded, tree, episode_seed(5, start))
+        run[key(tree)] += 1
+    (table,) = tables
+    assert (~np.isnan(table)).sum(axis=1).tolist() == list(run.values())
+    assert table[0, 0] == raced.returns[0]

@@ -17,7 +17,6 @@ from eutree.contests.table import (
     Table,
     Verdict,
     bounds_of_change,
-    held,
     hold,
     missing,
     new_table,
@@ -26,6 +25,6 @@ from eutree.contests.table import (
 
 __all__ = [
     "Ahead", "AheadApart", "Better", "Bounds", "Halving", "NextEpisodes", "NotWorse", "Rule",
-    "SmallestWithin", "Table", "Verdict", "best", "bounds_of_change", "held", "hold", "missing",
+    "SmallestWithin", "Table", "Verdict", "best", "bounds_of_change", "hold", "missing",
     "new_table", "next_episode",
 ]  # fmt: skip

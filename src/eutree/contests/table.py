@@ -1,6 +1,6 @@
 """The words of a contest: its table of returns, the next episodes, the verdict, and the bounds."""
 
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -130,39 +130,21 @@ def missing(table: Table, due: NextEpisodes) -> list[tuple[int, list[int]]]:
     ]
 
 
-def held(rule: Rule, table: Table) -> Generator[tuple[int, list[int]], Floats | None, Verdict]:
-    """Hold a contest for a caller who runs the episodes, and return the verdict.
+def hold(rule: Rule, table: Table, run: Run) -> Verdict:
+    """Return the verdict of a contest.
 
     The table has the returns known so far, shape [trees, starts], with as many starts as the rule
-    may ask for; it is filled on the way. A tree is yielded, by its row, and the starts that it is
-    to run from. Its returns are sent back; None where the budget does not allow them, which ends
-    the contest.
+    may ask for; it is filled on the way. ``run`` runs a tree, by its row, from some starts, and
+    returns the returns; None where the budget does not allow it, which ends the contest. It may be
+    a run's own episodes, those of a simulator beside it, of a world model or of a log.
     """
     while isinstance(due := rule.next(table), NextEpisodes):
         for tree, starts in missing(table, due):
-            returns = yield tree, starts
+            returns = run(tree, starts)
             if returns is None:
                 return rule.stopped(table)
             table[tree, starts] = returns
     return due
-
-
-def hold(rule: Rule, table: Table, run: Run) -> Verdict:
-    """Return the verdict of a contest whose episodes ``run`` runs at once; see :func:`held`.
-
-    It runs a tree, by its row, from some starts, and returns the returns; None where the budget
-    does not allow it. It may be a run's own episodes, those of a simulator beside it, of a world
-    model or of a log.
-    """
-    contest = held(rule, table)
-    returns = None
-    while True:
-        try:
-            asked = contest.send(returns)  # None begins a generator
-        except StopIteration as end:
-            verdict: Verdict = end.value
-            return verdict
-        returns = run(*asked)
 
 
 def next_episode(rule: Rule, table: Table) -> tuple[int, int] | None:

@@ -39,10 +39,16 @@ from eutree.schema import Schema
 from eutree.trees.edit import graft
 from eutree.validation import check_amounts, check_number
 from eutree.world_model import ActionTree, PairedRollouts, Transitions, countable
-from eutree.world_model.action_trees import from_decision_tree, packed, to_decision_tree
+from eutree.world_model.action_trees import (
+    from_decision_tree,
+    n_leaves,
+    packed,
+    to_decision_tree,
+)
 from eutree.world_model.transitions import seen_as
 
 _AT_RANDOM = 0.25  # share of a blind explorer's episodes in which each action is drawn
+_LOST = 0.5  # share of explorers that are random trees where a single action was shown
 _SINGLE = 0.125  # share of its random trees that are a single action
 _CHANGES, _RANDOM_LEAVES = 8, 10  # of a single action into another random tree, and its most leaves
 _VISITED = 5000  # latest observations that its thresholds are drawn from
@@ -178,7 +184,9 @@ class ModelPlanning:
         self._proves_itself = method.planner.incumbent_acts(plan)
         actor = plan.incumbent if self._proves_itself else plan.evaluated
         self._exploration = 0.0
-        if self._explores and blind and (plan.explorer is None or not self._counts):
+        # One action everywhere says nothing of where others lead.
+        lost = blind or (n_leaves(plan.incumbent) == 1 and generator.random() < _LOST)
+        if self._explores and lost and (plan.explorer is None or not self._counts):
             actor = self._random_tree(generator)
             self._exploration = float(generator.random() < _AT_RANDOM)
         elif self._explores:

@@ -18,7 +18,7 @@ from eutree.policy_search.climbing import luckiest, restarts
 from eutree.policy_search.improvement import Improvement
 from eutree.validation import check_amounts, check_number
 from eutree.world_model import ActionTree, PairedRollouts, Transitions, WorldModel, fit_world_models
-from eutree.world_model.action_trees import n_leaves
+from eutree.world_model.action_trees import n_leaves, packed
 
 FEWEST_ROLLOUTS = 100  # episodes
 _FEW_OWN = 10  # episodes
@@ -26,6 +26,7 @@ _EXPLORED = 20  # episodes of explorers that are remembered
 _FIRST_LEAVES = 10  # of trees made of lucky episodes
 _ALIKE = 1e-9  # returns, in parts of the largest
 _CLEARLY = 3.0  # standard errors
+_FEW_TRIED = 5  # episodes
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,7 +190,9 @@ class Planner:
         pessimistic, optimistic = self._rollouts(known, levels, most, generator)
         scale = known.typical_return
         if plan.challenger is not None:
-            won = self._won_alone(plan, data, n_new)
+            begun = int(np.searchsorted(np.flatnonzero(data.first), len(data.episodes) - n_new))
+            plan = self._without_reckless(plan, begun, data.episode_returns)
+            won = self._won_alone(plan, data, begun)
             if not won and self._deserves(plan, plan.challenger, data, pessimistic):
                 won = plan.challenger_episodes[-self.memory :]
             plan = plan.with_adopted(won) if won else plan
@@ -270,18 +273,32 @@ class Planner:
         fewest = min(FEWEST_ROLLOUTS, self.n_episodes)
         return int(np.clip(self.n_steps / data.mean_length, fewest, self.n_episodes))
 
-    def _won_alone(self, plan: Planned, data: Transitions, n_new: int) -> tuple[int, ...]:
+    def _won_alone(self, plan: Planned, data: Transitions, begun: int) -> tuple[int, ...]:
         """Return the episodes that put the challenger in the place of an unknown action, if any do.
 
-        They are its own, within the last ``n_new`` transitions, and clearly ahead: over a single
-        action that nobody has shown, the model is not asked.
+        They are its own, from ``begun`` on, and clearly ahead: over a single action that nobody has
+        shown, the model is not asked.
         """
         if not plan.knows_nothing:
             return ()
-        begun = int(np.searchsorted(np.flatnonzero(data.first), len(data.episodes) - n_new))
         own = tuple(n for n in plan.challenger_episodes[-self.memory :] if n >= begun)
         clear = AheadApart(enough=len(own) + 1)
         return own if self._ahead(plan, own, data, clear) else ()
+
+    def _without_reckless(self, plan: Planned, begun: int, returns: Floats) -> Planned:
+        """Return the plan without the challengers before the present one if they were reckless.
+
+        They earned clearly less than the incumbent, and than the present one in its own episodes,
+        those from ``begun`` on. What the first loses, who knew least, would else keep out all that
+        come after it.
+        """
+        own = tuple(n for n in plan.challenger_episodes if n >= begun)
+        if len(own) < _FEW_TRIED or not plan.demonstrations:
+            return plan
+        before = returns[list(plan.challenger_episodes[: -len(own) or None])]
+        better = (lead_apart(before, returns[list(one)]) for one in (own, self._evidence(plan)))
+        clearly = all(lead.mean > _CLEARLY * lead.error for lead in better)
+        return replace(plan, challenger_episodes=own) if clearly else plan
 
     def _deserves(
         self, plan: Planned, challenger: ActionTree, data: Transitions, pessimistic: PairedRollouts
@@ -332,14 +349,16 @@ class Planner:
         the valleys that single changes cannot cross; the pessimist takes back all that was only
         hoped for. None if none of them is better than the incumbent.
 
-        A single action that nobody has shown may be where all single changes cost something. Then
-        trees of the episodes that happened to earn most are improved too; and if the model prefers
-        none of them, the tree of such an episode is on trial as it is.
+        A single action may be where all single changes cost something. Then trees of the episodes
+        that happened to earn most are improved too. One that was shown is so once it has played for
+        a while, and then each action everywhere is improved as well; if nobody has shown it and the
+        model prefers nothing, the tree of such an episode is on trial as it is.
         """
         begin, scale = plan.knows_nothing, known.typical_return
         best = self.improvement.improve(pessimistic, plan.incumbent, scale, begin=begin)
         bases = [plan.challenger, plan.corrected, plan.explorer]
-        if begin and n_leaves(best) == 1:
+        if n_leaves(best) == 1 and (begin or _has_shown_all(plan)):
+            bases += [] if begin else map(packed, range(known.n_actions))
             bases += restarts(known, max_leaves=_FIRST_LEAVES)
         for base in filter(None, bases):
             challenger = self.improvement.improve(pessimistic, base, scale, begin=begin)
@@ -355,6 +374,11 @@ class Planner:
         lucky = luckiest(known, pessimistic.generator, max_leaves=_FIRST_LEAVES) if begin else None
         is_new = lucky is not None and not np.array_equal(lucky.action, plan.incumbent.action)
         return lucky if is_new else None
+
+
+def _has_shown_all(plan: Planned) -> bool:
+    """Return whether a single action that was shown has played for long enough to be known."""
+    return n_leaves(plan.incumbent) == 1 and len(plan.own_episodes) >= _FEW_OWN
 
 
 def _worlds(known: Transitions, levels: tuple[float, ...]) -> tuple[WorldModel, ...]:

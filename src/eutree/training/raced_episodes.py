@@ -7,11 +7,12 @@ from array import array
 from collections import deque
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass
+from operator import itemgetter
 from typing import TypeVar
 
 import numpy as np
 
-from eutree.contests import Rule, Verdict, held, new_table
+from eutree.contests import NextEpisodes, Rule, Verdict, missing, new_table
 from eutree.data import Episode
 from eutree.policies import TreePolicy
 from eutree.training.proposals import key
@@ -95,17 +96,21 @@ class RacedEpisodes:
         self._run = {key(tree): list(own)} if own else {}
 
     def hold(self, rule: Rule, block: Block, trees: Sequence[TreePolicy]) -> Running[Verdict]:
-        """Hold a contest of trees, the incumbent first; the budget may end before it does."""
-        contest = held(rule, new_table(len(trees), rule.most))
-        try:
-            tree, starts = next(contest)
-            while True:
-                run = yield from self.of(trees[tree], range(starts[0], starts[-1] + 1), block)
-                returns = None if run is None else [e.undiscounted_return for e in run]
-                tree, starts = contest.send(None if returns is None else np.array(returns))
-        except StopIteration as end:
-            verdict: Verdict = end.value
-            return verdict
+        """Hold a contest of trees, the incumbent first; the budget may end before it does.
+
+        Where that is possible all run one start after the other: the more pairs are told by then.
+        """
+        table = new_table(len(trees), rule.most)
+        while isinstance(due := rule.next(table), NextEpisodes):
+            runs = [(tree, start) for tree, starts in missing(table, due) for start in starts]
+            if self.steps + len(runs) * self.longest > block.limit:
+                runs.sort(key=itemgetter(1))
+            for tree, start in runs:
+                run = yield from self.of(trees[tree], range(start, start + 1), block)
+                if run is None:
+                    return rule.stopped(table)
+                table[tree, start] = run[0].undiscounted_return
+        return due
 
     def of(self, tree: TreePolicy, numbers: range, block: Block) -> Running[list[Episode] | None]:
         """Return a tree's episodes from some starts of the block; None if steps are short."""

@@ -263,9 +263,12 @@ class PolicySearch:
         better = yield from self._better(state, challenger, errors=OF_ONE_ERRORS)
         if better is None:
             better = self._proposals.prefer(policy, challenger, self.raced.all)
-        if not better:
-            return self._after_rounds(state, climbs=not state.climbs)
         n = state.round if state.climbs else state.round + 1
+        if not better:
+            if n < ROUNDS and not state.won:  # where it was run the models were wrong
+                self.raced.leave_block()
+                return replace(state, stage="propose", challengers=(), round=n)
+            return self._after_rounds(state, climbs=not state.climbs)
         won = replace(state, incumbent=challenger, won=state.won + 1, round=n)
         if n >= ROUNDS:
             return self._after_rounds(won)
