@@ -189,11 +189,11 @@ class Planner:
         levels, most = (self.pessimism, self.optimism), (self.n_episodes, self.n_explorer_episodes)
         pessimistic, optimistic = self._rollouts(known, levels, most, generator)
         scale = known.typical_return
-        if plan.challenger is not None:
+        if (tried := plan.challenger) is not None:
             begun = int(np.searchsorted(np.flatnonzero(data.first), len(data.episodes) - n_new))
             plan = self._without_reckless(plan, begun, data.episode_returns)
             won = self._won_alone(plan, data, begun)
-            if not won and self._deserves(plan, plan.challenger, data, pessimistic):
+            if not won and self._deserves(plan, tried, data, pessimistic):
                 won = plan.challenger_episodes[-self.memory :]
             plan = plan.with_adopted(won) if won else plan
         guide: ActionTree | None
