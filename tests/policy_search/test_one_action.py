@@ -10,8 +10,7 @@ import eutree
 from eutree.learners import DEFAULT, Start
 from eutree.policy_search.planner import Planned, Planner
 from eutree.world_model.action_trees import nested, packed
-from tests.policy_search.test_from_nothing import planned
-from tests.world_model.walks import GO, STAY, walks
+from tests.world_model.walks import GO, STAY, Unimproved, walks
 from tests.worlds import Walk
 
 
@@ -82,7 +81,8 @@ def test_each_action_everywhere_is_tried_once_what_was_shown_is_known(own, finds
     """No single change leads there; before it has played, the person's own way is what counts."""
     monkeypatch.setattr("eutree.policy_search.planner.restarts", lambda data, max_leaves: ())
     plan = Planned(packed(STAY), incumbent_episodes=tuple(range(2 + own)), demonstrations=2)
-    challenger = planned(plan, walks(200, 7)).challenger
+    planner = Planner(n_episodes=200, improvement=Unimproved())
+    challenger = planner.plan(plan, walks(200, 7), np.random.default_rng(0)).challenger
     assert (challenger is not None and nested(challenger) == GO) == finds
 
 
