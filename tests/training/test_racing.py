@@ -457,6 +457,24 @@ def beats(challenger, other):
     return key(challenger) == key(other)
 
 
+@pytest.mark.parametrize(
+    ("steps", "number", "limit"), [(1_000, 0, 500), (1_000, 1, 1_000), (100_000, 0, 100_000)]
+)
+def test_where_steps_are_short_the_first_test_leaves_half_of_them(
+    plain, monkeypatch, steps, number, limit
+):
+    def winner(self, state):
+        yield from ()
+        return state.challengers[0]
+
+    monkeypatch.setattr(PolicySearch, "_winner", winner)
+    search = search_of(plain, steps=steps)
+    racing = replace(search.state, stage="race", round=number, challengers=(WRONG,))
+    with pytest.raises(StopIteration) as ended:
+        next(search._race(racing))
+    assert ended.value.value.limit == limit
+
+
 @pytest.mark.parametrize("limit", range(20, 120, 9))
 def test_pairs_that_the_budget_allowed_count(env, limit):
     """A look of eight pairs may be cut short in the middle."""

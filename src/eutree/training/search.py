@@ -255,7 +255,10 @@ class PolicySearch:
         """Find the best of the proposed."""
         winner = yield from self._winner(state)
         self.raced.leave_block()
-        return state.on_new_starts("prove", self._settings.steps, (winner,))
+        steps, left = self._settings.steps, self._settings.steps - self.raced.steps
+        if state.round == 0 and self._patience > ROUND_SHARE * steps and self._spared > left:
+            steps -= left // 2  # for what the models propose once it is lost
+        return state.on_new_starts("prove", steps, (winner,))
 
     def _prove(self, state: SearchState) -> Running[SearchState]:
         """Let it replace the incumbent if it earns clearly more on other starts."""
