@@ -140,6 +140,14 @@ def test_what_a_plant_cannot_answer_is_said_at_once_or_played(car, tmp_path, cap
     assert found["work"] == {"episodes": 40}
 
 
+def test_what_a_proof_had_no_use_for_is_said(car, capsys):
+    assert run(["prove", str(car), "--episodes", "50", "--seed", "3"]) == 0
+    said = capsys.readouterr().err
+    assert "no episode was drawn, so --episodes, --seed changed nothing" in said
+    assert run(["prove", str(car)]) == 0
+    assert "changed nothing" not in capsys.readouterr().err
+
+
 def test_a_refutation_shows_its_start(tmp_path, capsys):
     bad = tmp_path / "bad.json"
     policy_of(BAD).save(bad)

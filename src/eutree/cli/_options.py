@@ -389,13 +389,18 @@ def _import_module(context: click.Context, parameter: click.Parameter, name: str
         raise click.BadParameter(f"cannot import {name!r}: it raised {described(error)}") from error
 
 
+def given(names: Container[str | None]) -> list[str]:
+    """Return those of some options, by their parameters, that stand on the command line."""
+    context = click.get_current_context()
+    said = click.core.ParameterSource.COMMANDLINE
+    found = (one for one in context.command.params if one.name in names)
+    return [one.opts[0] for one in found if context.get_parameter_source(one.name or "") is said]
+
+
 def refuse(names: Container[str | None], reason: str) -> None:
     """Raise InvalidArgumentError if one of some options, by their parameters, was given."""
-    context = click.get_current_context()
-    for one in context.command.params:
-        source = context.get_parameter_source(one.name or "")
-        if one.name in names and source is click.core.ParameterSource.COMMANDLINE:
-            raise InvalidArgumentError(f"{reason}: leave out {one.opts[0]}")
+    for one in given(names)[:1]:
+        raise InvalidArgumentError(f"{reason}: leave out {one}")
 
 
 def look_in_this_folder() -> None:

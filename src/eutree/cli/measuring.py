@@ -121,6 +121,9 @@ def prove(
             found = prove_policy(loaded, plant, question)
         except NeedsEpisodesError:
             say(f"the plant of {spec} says nothing of that: {counted(episodes, 'episode')} answer")
+        else:
+            if unused := option.given(("episodes", "confidence", "returns", "seed")):
+                say(f"no episode was drawn, so {', '.join(unused)} changed nothing; --sampled draws")
     if found is None:
         asked = asked_of_episodes(question, str(spec), sampling)
         check_fits(loaded, policy, spec)
