@@ -12,12 +12,13 @@ import eutree
 from eutree.compression.episodes import Demand
 from eutree.compression.front import front_among
 from eutree.compression.playing import CommonEpisodes, Ground
+from eutree.compression.searching import FrontSearch
 from eutree.contests import SmallestWithin, new_table
 from eutree.policies import TreePolicy
 from eutree.report.run_folder_report import report_of_run
 from eutree.report.run_page import run_page
 from eutree.schema import Schema
-from eutree.training.front import FEWEST, MOST, Extent, _by_labels
+from eutree.training.front import FEWEST, MOST, TIMES, Extent, _by_labels, _few
 from eutree.training.handover import TOO_LARGE, Handover
 from eutree.training.phases import Phase, Plan, Position, due
 from eutree.trees import DecisionTree
@@ -255,3 +256,37 @@ def test_with_a_limit_cuts_of_the_start_may_be_picked(env, shown, monkeypatch, l
     assert result.first.n_leaves > 4
     assert cut == [result.learned.n_leaves, result.first.n_leaves][: 1 + (limit is not None)]
     assert limit is None or result.policy.n_leaves <= limit
+
+
+def test_with_a_limit_the_search_begins_near_it(env, shown, monkeypatch):
+    """From a start of many leaves it spent all it had on sizes that may not be picked."""
+    begun = []
+
+    class Noted(FrontSearch):
+        def __init__(self, policies, *given):
+            begun.extend(one.n_leaves for one in policies)
+            super().__init__(policies, *given)
+
+    monkeypatch.setattr("eutree.training.front.FrontSearch", Noted)
+    result = eutree.learn(env, demonstrations=shown, max_leaves=3, **OPTIONS)
+    assert result.first.n_leaves > TIMES * 3 >= max(begun) > 3
+    assert result.policy.n_leaves <= 3
+
+
+def test_few_that_play_under_a_limit_are_those_that_stand_first():
+    """The last of an evenly spread list was the second best tree of the smallest size."""
+    sizes = (5, 5, 4, 4, 3, 3, 2, 2)
+    trees = [random_policy(np.random.default_rng(k), size) for k, size in enumerate(sizes)]
+    assert _few(trees, 2, spread=False) == trees[:2]
+    assert _few(trees, 4, spread=True) == [trees[k] for k in (0, 1, 2, 6)]
+    assert _few(trees, 6, spread=True) == [trees[k] for k in (0, 1, 2, 4, 6, 3)]
+
+
+def test_a_method_that_remembers_has_a_front_beside_a_start_that_does_not():
+    """The start's tree was widened to the features remembered, and then saw the present alone."""
+    maze = gymnasium.make("eutree/CheeseMaze-v0")
+    shown = eutree.record(maze, lambda _: 1, episodes=3, seed=0)
+    options = {"episodes": 30, "evaluation_episodes": 2, "front_steps": 60_000, "seed": 0}
+    result = eutree.learn(maze, demonstrations=shown, method="history-u-tree", **options)
+    assert result.learned.history or result.learned.past_actions
+    assert result.front

@@ -11,7 +11,11 @@ from eutree.cli._learning import in_words, present, progress_of
 from eutree.display import counted
 from eutree.errors import InvalidArgumentError
 from eutree.evaluation import Evaluation
-from eutree.training.handover import Judgement, judged
+from eutree.learners import ModelPlanning
+from eutree.learners.learner import Decisions
+from eutree.policy_search.planner import Planner
+from eutree.training.handover import EARNS_MORE, Judgement, judged
+from eutree.training.proposals import identity
 from tests.corridor import WRONG, Corridor, policy_of
 from tests.interaction.sick import Healthy
 
@@ -159,3 +163,29 @@ def test_one_pair_is_one_episode_and_no_end_of_an_interval_is_a_negative_zero():
     assert words.startswith(
         "return +0.0 [0.0, 0.0] against the tree that it started from, on 1 episode of their own"
     )
+
+
+def trying(tree, monkeypatch):
+    """Let planning end with a tree on trial, and the start as policy."""
+    monkeypatch.setattr(Planner, "_deserves", lambda *_: False)
+    monkeypatch.setattr(ModelPlanning, "on_trial", lambda _: Decisions(tree.tree, tree.actions))
+    env = Corridor()
+    shown = eutree.record(env, lambda env: policy_of(0, 5.0, 1), episodes=10, seed=1)
+    asked = {"episodes": 6, "judge_episodes": 300} | SHORT
+    result = eutree.learn(env, demonstrations=shown, expert=WRONG, **asked)
+    assert identity(result.learned) == identity(WRONG)
+    return result
+
+
+def test_the_tree_that_is_on_trial_at_the_end_meets_a_start_that_was_kept(monkeypatch):
+    good = policy_of(0, 5.0, 1)
+    result = trying(good, monkeypatch)
+    assert (result.handed_over, result.against_start.why) == ("learned", EARNS_MORE)
+    assert identity(result.policy) == identity(good)
+    assert not result.is_start
+
+
+def test_a_tree_on_trial_that_earns_no_more_is_not_handed_over(monkeypatch):
+    result = trying(policy_of(1, 5.0, 1), monkeypatch)  # an action more, and no better
+    assert result.handed_over == "start"
+    assert identity(result.policy) == identity(WRONG)

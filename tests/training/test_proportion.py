@@ -26,6 +26,16 @@ class Counted(gymnasium.Wrapper):
         return self.env.step(action)
 
 
+class Walked(Counted):
+    """The same, with its steps counted."""
+
+    steps = 0
+
+    def step(self, action):
+        self.steps += 1
+        return super().step(action)
+
+
 @pytest.fixture(scope="module")
 def shown():
     expert = eutree.experts.EXPERTS["CartPole-v1"]["balance"]
@@ -57,6 +67,19 @@ def test_what_is_handed_over_is_decided_by_what_was_played_and_its_range_is_said
     assert judgement.steps == steps.judging
     assert steps.evaluation > 0 < steps.judging
     assert steps.total == steps.learning + steps.judging
+
+
+@pytest.mark.parametrize("starts_from", ["nothing", "tree"])
+def test_the_steps_beside_the_start_are_counted_where_they_decide_nothing(shown, starts_from):
+    env = Walked()
+    demonstrations = None if starts_from == "nothing" else shown
+    result = eutree.learn(
+        env, demonstrations=demonstrations, start=starts_from, method="paper", episodes=40, seed=1
+    )
+    steps = result.environment_steps
+    assert result.against_start.episodes > 0
+    first_look = env.steps - steps.learning - steps.evaluation
+    assert 0 <= first_look <= 2 * 30
 
 
 def test_more_is_played_where_it_is_asked_for():

@@ -123,7 +123,7 @@ def prove(
             say(f"the plant of {spec} says nothing of that: {counted(episodes, 'episode')} answer")
         else:
             if unused := option.given(("episodes", "confidence", "returns", "seed")):
-                say(f"no episode was drawn, so {', '.join(unused)} changed nothing; --sampled draws")
+                say(f"no episode was drawn, so {', '.join(unused)} changed nothing (--sampled)")
     if found is None:
         asked = asked_of_episodes(question, str(spec), sampling)
         check_fits(loaded, policy, spec)

@@ -148,7 +148,7 @@ def _allowed(
         return [tree for tree, _ in small]
     if demand.floor is not None or most is not None:
         least = min(least, max((rate for _, rate in small if rate is not None), default=least))
-    return [tree for tree, rate in small if rate is None or rate >= least - demand.success_margin]
+    return [tree for tree, rate in small if (rate or 0.0) >= least - demand.success_margin]
 
 
 def _near_best(trees: Sequence[TreePolicy], ground: Ground, demand: Demand) -> TreePolicy:

@@ -17,7 +17,7 @@ import numpy as np
 
 from eutree.arrays import Booleans, Floats, Integers
 from eutree.evaluation.evaluate import run_batch, same_parameters, vector_form
-from eutree.evaluation.evaluation import Earned
+from eutree.evaluation.evaluation import Earned, known_successes
 from eutree.interaction import episode_seed
 from eutree.interaction.episode import RunPairs, Stream, run_pairs
 from eutree.interaction.making import Recipe
@@ -129,9 +129,9 @@ class Ground:
         outcomes, traces = zip(*parts, strict=True)
         self.steps += sum(len(one.actions) for one in traces)
         self.episodes += len(seeds)
-        known = [one.successes for one in outcomes if one.successes is not None]
-        successes = np.concatenate(known) if len(known) == len(outcomes) else None
-        outcome = Outcome(np.concatenate([one.returns for one in outcomes]), successes)
+        unknown = all(one.successes is None for one in outcomes)
+        known = None if unknown else np.concatenate([one.counted_successes for one in outcomes])
+        outcome = Outcome(np.concatenate([one.returns for one in outcomes]), known)
         return outcome, _Traces(*map(np.concatenate, zip(*traces, strict=True)))
 
     def _batch(
@@ -165,7 +165,7 @@ class Ground:
         return (
             Outcome(
                 np.array([one.undiscounted_return for one in episodes]),
-                None if None in successes else np.array(successes, dtype=bool),
+                known_successes(successes),
             ),
             _Traces(
                 np.concatenate(features),
@@ -254,9 +254,9 @@ class CommonEpisodes(PairedEpisodes):
 
     def worth(self, outcome: Outcome) -> Floats:
         """Return the worth of each episode: its return, less a price where it failed, [E]."""
-        if outcome.successes is None:
+        if outcome.successes is None and self.outcome.successes is None:
             return outcome.returns
-        return outcome.returns - FAILURE * (self.scale or 0.0) * ~outcome.successes
+        return outcome.returns - FAILURE * (self.scale or 0.0) * ~outcome.counted_successes
 
     def gains(
         self, challengers: Sequence[TreePolicy], *, few: bool = False, above: float = -np.inf

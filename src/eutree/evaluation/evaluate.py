@@ -19,7 +19,7 @@ from gymnasium.wrappers import OrderEnforcing, PassiveEnvChecker
 
 from eutree.arrays import Floats, Integers
 from eutree.errors import InvalidArgumentError, shown
-from eutree.evaluation.evaluation import Evaluation
+from eutree.evaluation.evaluation import Evaluation, known_successes
 from eutree.interaction import GuardedEnv, episode_seed, run_episode
 from eutree.interaction.acting import Controller, as_policy
 from eutree.interaction.deriving import acting_for
@@ -67,7 +67,7 @@ def run_batch(policy: Policy, vector: Any, seeds: Sequence[int]) -> Evaluation |
         returns=_sums(np.array(rewards), lengths),
         lengths=lengths,
         endings=np.array(endings),
-        successes=None if None in successes else np.array(successes),
+        successes=known_successes(successes),
         n_leaves=getattr(policy, "n_leaves", None),
     )
 

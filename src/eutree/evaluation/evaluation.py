@@ -80,6 +80,16 @@ def mean_interval(values: ArrayLike, *, confidence: float = 0.95) -> Interval:
     return Interval(center - spread, center + spread)
 
 
+def known_successes(reported: Sequence[bool | None]) -> Booleans | None:
+    """Return which episodes were successes, shape [E]; None where none of them reports one.
+
+    Where others do, one that does not was no success: it may have ended at a time limit.
+    """
+    if all(one is None for one in reported):
+        return None
+    return np.array([bool(one) for one in reported])
+
+
 def wilson_interval(successes: int, n: int, *, confidence: float = 0.95) -> Interval:
     """Return Wilson's score interval of a share of successes among ``n`` trials.
 
@@ -154,6 +164,11 @@ class Earned:
         return None if self.successes is None else float(self.successes.mean())
 
     @property
+    def counted_successes(self) -> Booleans:
+        """Whether each was a success, shape [E]; none was where none is reported."""
+        return np.zeros(self.returns.size, bool) if self.successes is None else self.successes
+
+    @property
     def success_interval(self) -> Interval | None:
         """95 % interval of the success rate, by Wilson's formula; None without successes."""
         if self.successes is None:
@@ -200,7 +215,7 @@ class Evaluation(Earned, Displayed):
             returns=np.array([e.undiscounted_return if e.has_rewards else np.nan for e in played]),
             lengths=np.array([len(episode) for episode in played]),
             endings=np.array([episode.ending or "" for episode in played]),
-            successes=None if None in successes else np.array(successes),
+            successes=known_successes(successes),
             n_leaves=n_leaves,
         )
 
@@ -295,13 +310,12 @@ class Evaluation(Earned, Displayed):
     @classmethod
     def join(cls, parts: Sequence["Evaluation"]) -> "Evaluation":
         """Return the evaluation of all episodes of some evaluations of one policy, in order."""
-        outcomes = [part.successes for part in parts]
-        known = [outcome for outcome in outcomes if outcome is not None]
+        unknown = all(part.successes is None for part in parts)
         return cls(
             returns=np.concatenate([part.returns for part in parts]),
             lengths=np.concatenate([part.lengths for part in parts]),
             endings=np.concatenate([part.endings for part in parts]),
-            successes=np.concatenate(known) if len(known) == len(parts) else None,
+            successes=None if unknown else np.concatenate([one.counted_successes for one in parts]),
             n_leaves=parts[0].n_leaves,
         )
 
@@ -397,9 +411,9 @@ def against(
             f"other must be of the same {policy.episodes} episodes, got {other.episodes}"
         )
     change = interval = None
-    if policy.successes is not None and other.successes is not None:
-        successes = np.stack([other.successes, policy.successes]).astype(np.float64)
-        bounds = bounds_of_change(successes, known=(0.0, 1.0))
+    if policy.successes is not None or other.successes is not None:
+        successes = np.stack([other.counted_successes, policy.counted_successes])
+        bounds = bounds_of_change(successes.astype(np.float64), known=(0.0, 1.0))
         change, interval = bounds.mean, Interval(bounds.low, bounds.high)
     bounds = bounds_of_change(np.stack([other.returns, policy.returns]), known=known)
     return Against(

@@ -450,10 +450,16 @@ class Imagines(Protocol):
     """A learner with a world model in which any tree can act."""
 
     def imagined(self, n_episodes: int, generator: np.random.Generator) -> PairedRollouts | None:
-        """Return where trees can be compared, in so many imagined episodes of each at most.
+        """Return where trees can be compared, in so many episodes of each; None at first."""
+        ...
 
-        None before anything is known.
-        """
+
+@runtime_checkable
+class TriesTrees(Protocol):
+    """A learner whose trees act in episodes of their own before one becomes the policy."""
+
+    def on_trial(self) -> Decisions | None:
+        """Return the tree that waits for its evaluation to end; None if there is none."""
         ...
 
 

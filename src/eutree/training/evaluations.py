@@ -291,6 +291,7 @@ class Evaluations:
         The start ``first`` has less to say where nobody has ``given`` it.
         """
         self._state.whole = True
+        steps = self.played.steps
         if identity(policy) == identity(first):
             judgement = Judgement.same(challengers=challengers)
         elif (handover := self._plan.handover) is None:
@@ -299,7 +300,7 @@ class Evaluations:
             pair = [one.of_episodes(both) for one in pair]
             judgement = replace(judged(*pair, challengers=challengers), why=AS_LEARNED)
         else:
-            at, seed, steps = self._state.at, self._seed(self._fresh), self.played.steps
+            at, seed = self._state.at, self._seed(self._fresh)
             most = handover.pairs(at.episode)
             duel = Duel(
                 first,
@@ -322,7 +323,8 @@ class Evaluations:
         self._state.whole = False
         self._count()
         self.judgement = judgement
-        self._state.move(judged=True)
+        others = self.played.steps - steps - judgement.steps
+        self._state.move(judged=True, evaluation_steps=self._state.at.evaluation_steps + others)
         self._state.note("judgement", judgement.facts())
 
     @property

@@ -6,6 +6,7 @@ promise most play: from some starts the best of each size is found, from others 
 others again the reported returns. Steps are few beside those of the run where they are dear.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -28,6 +29,7 @@ TREES = 24  # that play, if there are steps for so many
 ROUNDS = 2.0  # of the starts, that all trees together play from
 IMAGINED_EPISODES = 1000
 IMAGINING = 500_000  # steps a second that a slow machine imagines
+TIMES = 2  # leaves of a tree to make smaller ones of, in those allowed; else labels cut it first
 LOSES = 0.15  # of the range of returns: a size that is imagined to lose more is the last one
 ROWS = 5000  # stored observations by which a tree is cut where nothing is imagined
 
@@ -96,7 +98,14 @@ def front_of_run(
         # An earlier incumbent may be the expert tree, which was shown in another environment, or
         # one from before features were derived.
         tree = replace(one.tree, n_features=learned.tree.n_features)
-        return replace(one, tree=tree, environment=learned.environment, schema=learned.schema)
+        return replace(
+            one,
+            tree=tree,
+            environment=learned.environment,
+            schema=learned.schema,
+            history=learned.history,
+            past_actions=learned.past_actions,
+        )
 
     def checked(one: TreePolicy) -> TreePolicy:
         return keeping(with_locks(merged(here(one)), learned))
@@ -104,15 +113,25 @@ def front_of_run(
     rollouts = None
     if isinstance(learner, Imagines):
         rollouts = learner.imagined(IMAGINED_EPISODES, generator)
+
+    def by_labels(one: TreePolicy) -> list[TreePolicy]:
+        return _by_labels(one, learner, checked)
+
+    most = max_leaves or math.inf
     if rollouts is not None:
-        search = FrontSearch(trees, ImaginedCommonEpisodes(rollouts), extent.imagined, checked)
+        episodes = ImaginedCommonEpisodes(rollouts)
+        begun = [_within(one, TIMES * most, by_labels) for one in map(here, trees)]
+        search = FrontSearch(begun, episodes, extent.imagined, checked)
         search.run(2, loses=LOSES if max_leaves is None else 1.0)
         best = search.waiting() | search.found
         found = [one for size in sorted(best, reverse=True) for one in best[size][:EACH]]
+        if max_leaves is not None:
+            # One that decides as the learned tree did in the world, whatever the model thinks.
+            found = [_within(begun[0], most, by_labels), *_by_gain(found, episodes)]
     else:
-        found = _by_labels(learned, learner, checked)
+        found = by_labels(learned)
         if max_leaves is not None:  # then the start may be too large itself
-            found += _by_labels(here(start), learner, checked)
+            found += by_labels(here(start))
             found.sort(key=lambda one: -one.n_leaves)
     demand = Demand(
         episodes=extent.starts,
@@ -120,11 +139,12 @@ def front_of_run(
         floor=here(start),
         success_margin=success_margin,
     )
-    trees = [checked(learned), *found]
+    play = [checked(learned), *found]
     if max_leaves is not None:  # no other can be picked: those that may not would take their place
-        trees = [one for one in trees if one.n_leaves <= max_leaves] or trees
+        play = [one for one in play if one.n_leaves <= most] or play
     common = CommonEpisodes(ground, extent.starts)
-    return front_among(learned, _few(trees, extent.trees), common, demand)
+    chosen = _few(play, extent.trees, spread=max_leaves is None)
+    return front_among(learned, chosen, common, demand)
 
 
 def _by_labels(
@@ -138,9 +158,35 @@ def _by_labels(
     return [checked(one) for one in reversed(Ladder(policy, costs).rungs())]
 
 
-def _few(trees: Sequence[TreePolicy], most: int) -> list[TreePolicy]:
-    """Return trees that differ, at most so many: the first, and others spread evenly."""
+def _within(
+    policy: TreePolicy, most: float, by_labels: Callable[[TreePolicy], list[TreePolicy]]
+) -> TreePolicy:
+    """Return the tree of at most so many leaves that decides most like a policy, if one is known.
+
+    From a tree of many leaves the search would spend all it has on sizes that may not be picked.
+    """
+    small = [policy] if policy.n_leaves <= most else by_labels(policy)
+    return next((one for one in small if one.n_leaves <= most), policy)
+
+
+def _by_gain(trees: Sequence[TreePolicy], episodes: ImaginedCommonEpisodes) -> list[TreePolicy]:
+    """Return trees in the order of their imagined returns, the best first."""
+    episodes.redraw(trees[0])
+    gains = [one.mean for one in episodes.gains(trees)]
+    return [trees[k] for k in np.argsort(-np.array(gains), kind="stable").tolist()]
+
+
+def _few(trees: Sequence[TreePolicy], most: int, *, spread: bool) -> list[TreePolicy]:
+    """Return trees that differ, at most so many: the first ones, or spread evenly over sizes.
+
+    Spread, the first tree plays, and of each size the one that stands first before the others.
+    """
     distinct = list({key(one): one for one in trees}.values())
-    if len(distinct) <= most:
-        return distinct
-    return [distinct[k] for k in np.linspace(0, len(distinct) - 1, most).astype(int)]
+    if len(distinct) <= most or not spread:
+        return distinct[:most]
+    best = list({one.n_leaves: one for one in reversed(distinct[1:])}.values())[::-1]
+    if len(best) >= most:
+        places = np.linspace(0, len(best) - 1, most - 1).astype(int).tolist()
+        return [distinct[0], *(best[k] for k in places)]
+    others = [one for one in distinct[1:] if all(one is not other for other in best)]
+    return [distinct[0], *best, *others][:most]

@@ -128,6 +128,11 @@ class Judgement:
         """Whether the result decides as the start does."""
         return self.episodes == 0
 
+    @property
+    def lost(self) -> bool:
+        """Whether a tree met the start, and the start is handed over."""
+        return not self.is_start and self.handed_over == START
+
     def of_proven(self, start: bool, learned: bool) -> "Judgement":
         """Return the same, but that of the two trees the only one that is proven is handed over."""
         if start == learned:

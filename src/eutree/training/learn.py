@@ -340,7 +340,9 @@ def _carried_out(
         with following(run, asked.listeners):
             _go_on(run, folder, SavingClock(where.checkpoint_seconds), asked.listeners)
         policy, against_fit = _result(run, log)
-        folder.save_result(policy, run.learned(), run.evaluations.front, run.evaluations.picked)
+        found, judgement = run.evaluations, run.evaluations.judgement
+        lost = judgement is not None and judgement.lost
+        folder.save_result(policy, run.learned(), found.front, found.picked, lost=lost)
     return policy, against_fit
 
 

@@ -31,11 +31,13 @@ class StepCounts:
         learning: Taken by the learner's trees.
         racing: Taken by trees that raced.
         front: Taken at the end by the best trees of each size.
-        judging: Taken at the end by the start and the learned tree, of which one is handed over.
+        judging: Taken at the end by the start and the learned tree, of which one is handed over,
+            but for those that evaluations had taken before.
         declared: Those in which a teacher of your own was trained before, by its word or yours.
             They are no part of ``total``.
-        evaluation: Taken by frozen evaluations along the way, which decide nothing. They are no
-            part of ``total``.
+        evaluation: Taken by frozen evaluations along the way, and of a method that hands over what
+            it learned beside its start: they decide nothing but, where steps are dear, also which
+            of the two is handed over. They are no part of ``total``.
     """
 
     demonstrations: int = 0
@@ -60,8 +62,8 @@ class LearningResult(Displayed):
 
     Attributes:
         policy: The policy that is handed over: the pick of the front, or the learned tree where
-            there is no front; or the start where it was not shown that this one is better, or
-            smaller and no worse.
+            there is no front, or a tree still on trial where this is the start; or the start where
+            it was not shown that this one is better, or smaller and no worse.
         learned: The policy that was learned, also where another is handed over.
         first: The policy that it began with.
         expert: The expert tree it started from; None where it started from none.

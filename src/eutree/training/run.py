@@ -17,7 +17,7 @@ from eutree.evaluation import CurvePoint
 from eutree.interaction.episode import Stream
 from eutree.learners import Learner, Method, Problem, Start
 from eutree.learners.episode_buffer import transitions_of
-from eutree.learners.learner import GIVEN, KnowsItsModel, check_has_all, own_code
+from eutree.learners.learner import GIVEN, KnowsItsModel, TriesTrees, check_has_all, own_code
 from eutree.policies import TreePolicy
 from eutree.policies.reach import among_allowed, ever_allowed, within_kinds, within_reach
 from eutree.policy_search.model_trust import ModelTrust
@@ -26,6 +26,7 @@ from eutree.training.evaluations import Arena, Evaluations
 from eutree.training.handover import START
 from eutree.training.phases import Follower, Phase, Plan, Position, RunState, due, generator_of
 from eutree.training.progress import GatheredEpisodes
+from eutree.training.proposals import identity
 from eutree.training.search import PolicySearch
 from eutree.world_model.transitions import seen_as
 
@@ -163,7 +164,21 @@ class Run:
         judgement = self.evaluations.judgement
         if self.at.judged and judgement is not None and judgement.handed_over == START:
             return self.first
-        return self.evaluations.picked or self.learned()
+        return self._contender() if self.at.judged else self.evaluations.picked or self.learned()
+
+    def _contender(self) -> TreePolicy:
+        """Return the tree that meets the start: the pick of the front, else the learned one.
+
+        Where that is the start still, it is the one that the learner has on trial, if any: only the
+        end of the run has cut its evaluation short, and the contest is fresh. A race has its own.
+        """
+        tree, learner = self.evaluations.picked or self.learned(), self.learner
+        handover, races = self.plan.handover, self.racing.search is not None
+        if handover is None or races or identity(tree) != identity(self.first):
+            return tree
+        tried = learner.on_trial() if isinstance(learner, TriesTrees) else None
+        other = tree if tried is None else self._fit(tried.policy(self.beginning.problem))
+        return other if other.n_leaves <= (handover.max_leaves or other.n_leaves) else tree
 
     def learned(self) -> TreePolicy:
         """Return the present policy, frozen."""
@@ -210,7 +225,10 @@ class Run:
         """Return the race's result or, before that, the learned policy."""
         if self.racing.result is not None:
             return within_kinds(self.keeping(self.racing.result))
-        policy = self.learner.decisions().policy(self.beginning.problem)
+        return self._fit(self.learner.decisions().policy(self.beginning.problem))
+
+    def _fit(self, policy: TreePolicy) -> TreePolicy:
+        """Return a policy of the learner as it may be handed over: rules kept, by what was seen."""
         if (known := self._masked(policy)) is not None:
             policy = among_allowed(policy, *known)
         policy = within_kinds(self.keeping(policy))
@@ -282,10 +300,9 @@ class Run:
 
     def _end(self) -> None:
         """Find the best tree of each size, and pick one; or compare the pick with the start."""
-        first, learned, arena = self.first, self.learned(), self._acting()
+        first, arena = self.first, self._acting()
         if self.phase is Phase.FRONT:
-            self.evaluations.make_front(learned, first, self.learner, arena, self.keeping)
+            self.evaluations.make_front(self.learned(), first, self.learner, arena, self.keeping)
         else:
-            picked = self.evaluations.picked or learned
-            given = self.beginning.start.name in GIVEN
-            self.evaluations.judge(first, picked, self.challengers, arena, given=given)
+            given, tree = self.beginning.start.name in GIVEN, self._contender()
+            self.evaluations.judge(first, tree, self.challengers, arena, given=given)

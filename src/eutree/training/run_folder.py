@@ -213,11 +213,16 @@ class RunFolder:
         learned: TreePolicy,
         front: Sequence[FrontEntry],
         picked: TreePolicy | None,
+        *,
+        lost: bool,
     ) -> None:
-        """Write the policy that is handed over; beside it the learned one where it is another."""
+        """Write the policy that is handed over; beside it the learned one where it is another.
+
+        Also where the start is handed over, because another tree has ``lost`` to it.
+        """
         policy.save(self.path / "policy.json")
         beside = self.path / "learned.json"
-        if identity(learned) != identity(policy):
+        if lost or identity(learned) != identity(policy):
             learned.save(beside)
         else:
             beside.unlink(missing_ok=True)
