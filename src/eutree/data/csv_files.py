@@ -31,6 +31,7 @@ from eutree.data.log_format import (
     LEAVE_OUT,
     MASKED,
     LogFormat,
+    column_of,
     hint,
     is_nothing,
     is_quantity,
@@ -464,7 +465,7 @@ def write_csv(path: str | Path, episodes: Sequence[Episode], schema: Schema) -> 
         InvalidArgumentError: A feature has the name of a known column, or a value is not finite.
         FileError: The file cannot be written.
     """
-    features = [f"{f.name} [{f.unit}]" if f.unit else f.name for f in schema.features]
+    features = list(map(column_of, schema.features))
     if set(features) & set(MASKED) or len(set(features)) < len(features):
         raise InvalidArgumentError(f"features must not be named like columns, got {features}")
     buffer = io.StringIO()
