@@ -9,6 +9,7 @@ import pytest
 sklearn = pytest.importorskip("sklearn")
 
 from sklearn.datasets import load_iris, load_wine  # noqa: E402 - after the check that it is there
+from sklearn.exceptions import NotFittedError  # noqa: E402
 from sklearn.model_selection import GridSearchCV, cross_val_score  # noqa: E402
 from sklearn.pipeline import make_pipeline  # noqa: E402
 from sklearn.preprocessing import StandardScaler  # noqa: E402
@@ -36,6 +37,12 @@ def every_check(estimators: list[C45Classifier]) -> pytest.MarkDecorator:
 @pytest.mark.filterwarnings("ignore::sklearn.exceptions.SkipTestWarning")
 def test_scikit_learn_check(estimator: C45Classifier, check: object) -> None:
     check(estimator)  # type: ignore[operator]
+
+
+@pytest.mark.parametrize("asked", ["export_text", "get_depth", "get_n_leaves", "to_decision_tree"])
+def test_nothing_is_told_of_a_tree_before_it_is_fitted(asked: str) -> None:
+    with pytest.raises(NotFittedError):
+        getattr(C45Classifier(), asked)()
 
 
 def test_works_in_a_pipeline_and_a_grid_search() -> None:

@@ -10,10 +10,10 @@ import pytest
 
 import eutree
 from eutree.cli.main import run
-from eutree.data import DemonstrationFolder, Demonstrations
+from eutree.data import DemonstrationFolder, Demonstrations, Episode
 from eutree.errors import InvalidArgumentError
 from eutree.interaction.names import kinds_of
-from eutree.schema import Schema
+from eutree.schema import Feature, Schema
 from tests.files.faults import Operations, use_operations
 
 
@@ -322,6 +322,38 @@ def test_export_says_what_a_table_does_not_hold(folder, ask, tmp_path, capsys, m
     assert Demonstrations.load(tmp_path / "back").episodes[1].taught.tolist()[:2] == [-1, -1]
     ask("drop", folder, 1, 2)
     assert said(table) == ""  # nobody learns from these
+
+
+def test_export_says_which_kinds_and_actions_a_table_loses(tmp_path, monkeypatch, capsys):
+    """They were lost in silence, and "ratio (a/b)" came back as a ratio in a/b."""
+    monkeypatch.chdir(tmp_path)
+    features = (
+        Feature("ratio (a/b)"),
+        Feature("v [x]"),
+        Feature("w [x]", "m"),
+        Feature("v", "x"),
+        Feature("mode", "", 0, 2, True, ("off", "day", "night")),
+    )
+    shown = Episode(np.eye(5), np.array([0, 1, 0, 1]), np.ones(4), True, False)
+    plain = Schema(features[:4], ("stop", "go"))
+    Demonstrations((replace(shown, observations=np.eye(5)[:, :4]),), plain).save("plain")
+    Demonstrations((shown,), Schema(features, ("stop", "go", "wait"))).save("kinds")
+
+    assert run(["demos", "export", "plain", "plain.csv"]) == 0
+    assert capsys.readouterr().err == ""
+    assert Demonstrations.from_csv("plain.csv").schema == plain
+    assert run(["demos", "export", "kinds", "kinds.csv"]) == 0
+    said = " ".join(capsys.readouterr().err.split())
+    assert said == (
+        "warning: kinds of features and actions that were never taken are not in the table; demos "
+        "import takes them by --names and --actions"
+    )
+    Path("names.json").write_text(json.dumps({"kinds": {"mode": ["off", "day", "night"]}}))
+    options = ["--names", "names.json", "--actions", "stop,go,wait"]
+    assert run(["demos", "import", "kinds.csv", "--out", "back", *options]) == 0
+    back = Demonstrations.load("back").schema
+    assert back.features[4].categories == ("off", "day", "night")
+    assert back.actions == ("stop", "go", "wait")
 
 
 @pytest.mark.parametrize(

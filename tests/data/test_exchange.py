@@ -135,7 +135,7 @@ def test_npz_of_other_libraries_is_read(tmp_path):
     with pytest.raises(FormatError, match="acts: missing"):
         Demonstrations.from_npz(path)
     np.savez(path, obs=obs[:-2], acts=acts + 0.5)
-    with pytest.raises(FormatError, match="actions must hold integers"):
+    with pytest.raises(FormatError, match="acts must hold integers"):
         Demonstrations.from_npz(path)
 
 
@@ -474,3 +474,23 @@ def test_minari_mistakes_give_one_clear_line():
         demos.to_minari("eutree/twice-v0")
     with pytest.raises(InvalidArgumentError, match="no kept episode"):
         replace(demos, episodes=demos.episodes[2:]).to_minari("eutree/none-v0")
+
+
+def test_what_any_row_says_of_its_episode_is_read(tmp_path):
+    """A mark on the rows with actions was lost: only the closing row was looked at."""
+    path = tmp_path / "log.csv"
+    path.write_text(
+        "episode,action,x,kept,seed,ending,is_success\n"
+        "0,go,1,false,,,\n0,go,2,false,7,hit,false\n0,,3,,,,\n"
+        "1,go,1,false,1,late,\n1,go,1,true,2,home,true\n1,,2,,,,\n"
+        "2,go,1,false,,,\n2,go,2,,,,true\n"
+    )
+    read = Demonstrations.from_csv(path).episodes
+    assert [(e.kept, e.seed, e.ending, e.is_success) for e in read] == [
+        (False, 7, "hit", False),
+        (True, 2, "home", True),
+        (False, None, "", True),
+    ]
+    path.write_text("episode,action,x,kept\n0,go,1,perhaps\n0,,3,\n")
+    with pytest.raises(FormatError, match="kept must be true or false, got 'perhaps'"):
+        Demonstrations.from_csv(path)

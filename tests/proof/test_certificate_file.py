@@ -35,6 +35,19 @@ def test_the_sentence_is_a_comment_of_every_export(files, capsys):
         assert first.startswith(f"{opens}Certificate, proven (proof): {sentence}")
 
 
+def test_no_sentence_about_doubles_stands_on_code_that_rounds(files, capsys):
+    """It said "proven" on top of integers with which no episode arrived."""
+    out = files / "car.c"
+    line = ["export", str(files / "car.json"), "--out", str(out), "--certificate"]
+    line += [str(files / "proof.json"), "--number"]
+    assert run([*line, "int32", "--scale", "10"]) == 2
+    assert "--number must be double or float with --certificate" in capsys.readouterr().err
+    assert not out.exists()
+    assert run([*line, "float"]) == 0
+    begins = "/* Certificate of the tree in double precision, proven (proof): "
+    assert out.read_text().startswith(begins)
+
+
 def test_a_certificate_of_another_tree_and_what_is_none(files, capsys):
     line = ["export", str(files / "other.json"), "--format", "c", "--certificate"]
     assert run([*line, str(files / "proof.json")]) == 2

@@ -299,12 +299,13 @@ class C45Classifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # sk
 
     def export_text(self) -> str:
         """Return the tree in C4.5's own format: one line a branch, (cases/errors) at leaves."""
+        tree = self._tree()
         columns: Iterable[object] = getattr(
             self, "feature_names_in_", [f"x{i}" for i in range(self.n_features_in_)]
         )
         values = [[] if some is None else list(map(str, some)) for some in self.categories_]
         names = C45Names(list(map(str, columns)), list(map(str, self.classes_)), values)
-        return to_text(self._tree(), names)
+        return to_text(tree, names)
 
     def _html_repr(self) -> str:
         """Return scikit-learn's diagram for notebooks, and below it the fitted tree."""

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from eutree.training.many import FinishedRun, LearningRuns
 
 _EARNED = "mean_return return_interval success_rate success_interval"
+NOT_BELIEVED = "the learned tree is not believed to earn more than the tree of fit"
 _SAID_HERE = logging.NullHandler()  # a command says itself which method was chosen
 
 
@@ -80,13 +81,14 @@ def as_values(result: "LearningResult", out: Path) -> dict[str, Any]:
     from eutree.training.run_folder import names_of
 
     steps, judgement = result.environment_steps, result.against_start
+    why = "" if judgement is None else judgement.why
     return {
         "method": result.method.name,
         **figures_of(result, "reason start episodes steps evaluation_episodes challengers"),
         "environment_steps": vars(steps) | {"total": steps.total},
         "n_leaves": result.policy.n_leaves,
-        "handed_over": "learned" if judgement is None else judgement.handed_over,
-        "why": "" if judgement is None else judgement.why,
+        "handed_over": result.handed_over,
+        "why": NOT_BELIEVED if result.handed_over == "fit" else why,
         "against_start": None if judgement is None else judgement.facts(),
         "front": [
             one.facts(str(out / name))

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+import numpy as np
 
 from eutree.cli import _options as option
 from eutree.cli._output import Result, figures_of, say
@@ -21,7 +22,7 @@ from eutree.interaction import GuardedEnv
 from eutree.interaction.episode import environment_for
 from eutree.interaction.episode import replay as replay_all
 from eutree.interaction.making import make
-from eutree.interaction.names import Names, given_names
+from eutree.interaction.names import Names, given_names, kinds_of
 from eutree.schema import EnvironmentSpec
 from eutree.trees.text import labelled
 
@@ -340,7 +341,22 @@ def export(folder: Path, target: str) -> Result:
             f"warning: the marks of {' and '.join(lost)} are not in the table; who reads it "
             "imitates each step as it was taken"
         )
+    if kind == "csv" and (gone := _gone(demonstrations)):
+        spec = demonstrations.environment
+        how = "--names and --actions" if spec is None else f"--env {spec.id}"
+        say(f"warning: {' and '.join(gone)} are not in the table; demos import takes them by {how}")
     return _written(demonstrations, target)
+
+
+def _gone(demonstrations: Demonstrations) -> list[str]:
+    """Return what a table alone does not tell of features and actions."""
+    schema, taken = demonstrations.schema, [e.actions for e in demonstrations.episodes]
+    found = {
+        "kinds of features": bool(kinds_of(schema)),
+        "units that hold a bracket": any("]" in feature.unit for feature in schema.features),
+        "actions that were never taken": len(np.unique(np.concatenate(taken))) < schema.n_actions,
+    }
+    return [said for said, is_so in found.items() if is_so]
 
 
 def _open_to_edit(folder: Path) -> DemonstrationFolder:

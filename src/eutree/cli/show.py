@@ -213,7 +213,7 @@ def export(
         given["header"] = True
     content = make(loaded, name, **given)
     if certificate is not None:
-        content = _with_certificate(content, name, certificate, loaded)
+        content = _with_certificate(content, name, certificate, loaded, given.get("number"))
     data = content if isinstance(content, bytes) else content.encode("utf-8")
     if out is None:
         return _printed(name, content)
@@ -238,7 +238,9 @@ def export(
     return Result(values | {"n_leaves": loaded.n_leaves}, f"written to {', '.join(written)}")
 
 
-def _with_certificate(content: str | bytes, name: str, path: Path, policy: TreePolicy) -> str:
+def _with_certificate(
+    content: str | bytes, name: str, path: Path, policy: TreePolicy, number: str | None
+) -> str:
     """Return an export with the sentence of its policy's certificate as a comment on top."""
     from eutree.proof import load_certificate
 
@@ -247,8 +249,13 @@ def _with_certificate(content: str | bytes, name: str, path: Path, policy: TreeP
             f"--certificate needs --format {', '.join(_COMMENTS)}, whose comments carry it, "
             f"got {name}"
         )
-    found = load_certificate(path, policy)
-    text = " ".join(f"Certificate, {found}".split())
+    if number == "int32":  # its inputs are rounded: no start of the proof need arrive
+        raise InvalidArgumentError(
+            f"--number must be double or float with --certificate, whose words are about "
+            f"observations that nothing rounds, got {number}"
+        )
+    of = " of the tree in double precision" if number == "float" else ""
+    text = " ".join(f"Certificate{of}, {load_certificate(path, policy)}".split())
     return f"{_COMMENTS[name](text)}\n{content}"
 
 

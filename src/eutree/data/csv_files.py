@@ -5,7 +5,8 @@ The columns ``episode`` and ``action`` are required, ``step``, ``action_name``, 
 known; every other column is a feature, its unit in brackets: ``position [m]``. The last row of an
 episode has no action: it shows where the last action led. In a log without such rows the last
 action of each episode is dropped, because its successor is not known; the episode's extras keep it,
-under ``dropped_action``. Actions are indices, names, or quantities; so are those that are
+under ``dropped_action``. Of an episode's seed, ending, success and whether it is kept the last row
+that says something counts. Actions are indices, names, or quantities; so are those that are
 ``allowed``, several divided by blanks, or by ``|`` where names have blanks; an empty cell allows
 all. An episode has a reward for each action, or none at all.
 """
@@ -30,6 +31,7 @@ from eutree.data.log_format import (
     LEAVE_OUT,
     MASKED,
     LogFormat,
+    column_of,
     hint,
     is_nothing,
     is_quantity,
@@ -51,6 +53,7 @@ _DELIMITERS = ",;\t|"
 _DECIMAL_COMMA = re.compile(r"\s*[-+]?\d+,\d+(?:[eE][-+]?\d+)?\s*")
 _INDEX = re.compile(r"[0-9]{1,5}")
 _SEED = re.compile(r"[0-9]{1,99}")
+_FACTS = ("seed", "ending", "is_success", "kept")  # of an episode, whichever of its rows says so
 _TRUTH = {"": None, "true": True, "false": False, "1": True, "0": False}
 
 
@@ -127,6 +130,7 @@ class _EpisodeRows:
     last_step: float = math.nan  # its number in the column step; NaN where it has none
     was_filled: bool = False  # whether the last row had empty cells
     last_row: dict[str, str] = field(default_factory=dict)
+    facts: dict[str, str] = field(default_factory=dict)  # the last that a row says of the episode
 
 
 class _Table:
@@ -230,6 +234,7 @@ class _Table:
             )
         group.observations.extend([self._value(row, name) for name in self._features])
         group.last_line, group.last_row, group.last_step = self.line, row, step
+        group.facts |= {name: row[name] for name in _FACTS if row.get(name)}
         if row["action"]:
             self._act(group, row)
         ends = _truth(row, "terminated") is True, _truth(row, "truncated") is True
@@ -421,13 +426,13 @@ class _Table:
         return np.stack(columns, axis=1)[:, self._order]
 
     def _episode(self, group: _EpisodeRows, numbers_of_codes: Integers, masks: Booleans) -> Episode:
-        row = group.last_row
+        facts = group.facts
         actions = numbers_of_codes[np.frombuffer(group.actions, dtype=np.int64)]
-        dropped = bool(row["action"])  # where the last action led is not in the table
+        dropped = bool(group.last_row["action"])  # where the last action led is not in the table
         count = len(actions) - dropped
         terminated, truncated = group.ends[0] if dropped else group.ends[1]
         allowed = masks[np.frombuffer(group.masks, dtype=np.int64)[:count]]
-        seed = row.get("seed", "")
+        seed = facts.get("seed", "")
         if seed and not _SEED.fullmatch(seed):
             raise InvalidArgumentError(f"seed must be an integer >= 0, got {seed!r}")
         return Episode(
@@ -437,9 +442,9 @@ class _Table:
             terminated=terminated,
             truncated=truncated,
             seed=int(seed) if seed else None,
-            ending=row.get("ending", ""),
-            is_success=_truth(row, "is_success"),
-            kept=_truth(row, "kept") is not False,
+            ending=facts.get("ending", ""),
+            is_success=_truth(facts, "is_success"),
+            kept=_truth(facts, "kept") is not False,
             has_rewards=group.has_rewards,
             steps={} if allowed.all() else {ALLOWED: allowed},
             extras={DROPPED: int(actions[-1])} if dropped else {},
@@ -460,7 +465,7 @@ def write_csv(path: str | Path, episodes: Sequence[Episode], schema: Schema) -> 
         InvalidArgumentError: A feature has the name of a known column, or a value is not finite.
         FileError: The file cannot be written.
     """
-    features = [f"{f.name} [{f.unit}]" if f.unit else f.name for f in schema.features]
+    features = list(map(column_of, schema.features))
     if set(features) & set(MASKED) or len(set(features)) < len(features):
         raise InvalidArgumentError(f"features must not be named like columns, got {features}")
     buffer = io.StringIO()

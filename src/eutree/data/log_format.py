@@ -165,6 +165,16 @@ def label(column: str) -> str:
     return f"{match['name']} [{match['unit']}]" if match else column
 
 
+def column_of(feature: Feature) -> str:
+    """Return the column of a feature, its unit in brackets; empty ones behind others of its name.
+
+    >>> column_of(Feature("ratio (a/b)"))
+    'ratio (a/b) []'
+    """
+    is_plain = not feature.unit and Feature.from_label(label(feature.name)).name == feature.name
+    return feature.name if is_plain else f"{feature.name} [{feature.unit}]"
+
+
 def is_nothing(text: str) -> bool:
     """Return whether a cell of numbers is empty, or says that there was no value."""
     return text.strip().lower() in _NOTHING
