@@ -174,7 +174,7 @@ def test_learning_from_a_log_takes_the_range_of_returns(eutree, demonstrations):
     assert "return_range must be the lowest and the highest of a finite range" in answer.err
     answer = eutree(*line, "--return-range", -100, 100, "--json")
     assert answer.json["against_fit"]["believed"] is False
-    assert answer.json["handed_over"] == "fit"  # it said "learned", and gave no reason
+    assert answer.json["handed_over"] == "start"  # it said "learned", and gave no reason
     assert (
         answer.json["why"] == "the learned tree is not believed to earn more than the tree of fit"
     )

@@ -73,25 +73,3 @@ def test_a_column_of_rewards_is_read_as_one_of_actions_is(layout, tmp_path):
     )
     read = Demonstrations.from_npz(path)
     assert np.concatenate([episode.rewards for episode in read]).tolist() == earned.tolist()
-
-
-@pytest.mark.parametrize(
-    ("name", "wrong", "said"),
-    [
-        ("rews", np.ones((6, 2)), r"rews must have shape \(N,\)"),
-        ("acts", np.ones(6), "acts must hold integers"),
-        ("next_obs", OBS[:6], "next_obs must be the obs one row later"),
-        ("terminations", np.full(6, 2), "terminations must hold 6 truth values"),
-        ("episode_starts", np.zeros(6, bool), "episode_starts must be true in the first row"),
-    ],
-)
-def test_an_array_is_named_as_the_file_does(name, wrong, said, tmp_path):
-    """It said "rewards must have shape" of a file whose array is called rews."""
-    path, arrays = tmp_path / "demos.npz", LAYOUTS["rows"] | {name: wrong}
-    np.savez(path, **arrays)
-    with pytest.raises(FormatError, match=said):
-        Demonstrations.from_npz(path)
-    alone = {"obs": OBS[:6], "actions": np.zeros(6, int), "rewards": np.ones((6, 2))}
-    np.savez(path, **alone)
-    with pytest.raises(FormatError, match="rewards must have"):
-        Demonstrations.from_npz(path)

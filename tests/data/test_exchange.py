@@ -135,7 +135,7 @@ def test_npz_of_other_libraries_is_read(tmp_path):
     with pytest.raises(FormatError, match="acts: missing"):
         Demonstrations.from_npz(path)
     np.savez(path, obs=obs[:-2], acts=acts + 0.5)
-    with pytest.raises(FormatError, match="acts must hold integers"):
+    with pytest.raises(FormatError, match="actions must hold integers"):
         Demonstrations.from_npz(path)
 
 

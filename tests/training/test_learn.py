@@ -320,7 +320,7 @@ def test_the_tree_of_fit_is_handed_over_as_fit_makes_it():
     assert result.learned.history == 0
     assert not result.against_fit.believed
     assert "this is the tree of fit" in result.against_fit.describe()
-    assert (result.handed_over, result.is_start) == ("fit", False)  # it said "learned"
+    assert (result.handed_over, result.is_start) == ("start", False)  # it said "learned"
     assert "handed over: fit" in repr(result)
     assert result.policy == eutree.fit(late, episodes=0).policy
     assert result.policy.history == 1

@@ -81,14 +81,15 @@ def as_values(result: "LearningResult", out: Path) -> dict[str, Any]:
     from eutree.training.run_folder import names_of
 
     steps, judgement = result.environment_steps, result.against_start
-    why = "" if judgement is None else judgement.why
+    offline = result.against_fit is not None and result.handed_over == "start"
+    why = NOT_BELIEVED if offline else "" if judgement is None else judgement.why
     return {
         "method": result.method.name,
         **figures_of(result, "reason start episodes steps evaluation_episodes challengers"),
         "environment_steps": vars(steps) | {"total": steps.total},
         "n_leaves": result.policy.n_leaves,
         "handed_over": result.handed_over,
-        "why": NOT_BELIEVED if result.handed_over == "fit" else why,
+        "why": why,
         "against_start": None if judgement is None else judgement.facts(),
         "front": [
             one.facts(str(out / name))

@@ -8,7 +8,6 @@ first begin) and ``terminal``. ``infos`` are pickled dictionaries in these files
 Written are rows.
 """
 
-import re
 from pathlib import Path
 from typing import Any
 
@@ -16,17 +15,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eutree.data.episode import Episode, allowed_in, episodes_from_rows
-from eutree.errors import FormatError, InvalidArgumentError
+from eutree.errors import FormatError, InvalidArgumentError, blamed
 from eutree.files import read_arrays, write_arrays
 
-_ALIASES = {  # the array's name in a file by ours
+_ALIASES = {
     "obs": ("obs", "observations"),
     "acts": ("acts", "actions"),
     "next_obs": ("next_obs", "next_observations"),
     "rews": ("rews", "rewards"),
     "dones": ("dones",),
-    "terminated": ("terminations",),
-    "truncated": ("truncations",),
+    "terminations": ("terminations",),
+    "truncations": ("truncations",),
     "starts": ("episode_starts",),
     "indices": ("indices",),
     "terminal": ("terminal",),
@@ -43,32 +42,29 @@ def read_npz(path: str | Path) -> tuple[tuple[Episode, ...], int]:
         FileError: The file is missing or cannot be read.
     """
     found = read_arrays(path, only={name for names in _ALIASES.values() for name in names})
-    own = {key: name for key, names in _ALIASES.items() for name in names if name in found}
-    arrays = {key: found[name] for key, name in own.items()}
+    arrays = {
+        key: found[name] for key, names in _ALIASES.items() for name in names if name in found
+    }
     for key in ("obs", "acts"):
         if key not in arrays:
             raise FormatError(path, key, "missing; expected observations obs and actions acts")
     for key, array in arrays.items():
         if not array.ndim or array.dtype.kind not in "biuf":
-            reason = f"must be an array of numbers, got {array.dtype} of {array.shape}"
-            raise FormatError(path, own[key], reason)
-    for key in ("dones", "terminated", "truncated", "starts"):
+            kind, shape = array.dtype, array.shape
+            raise FormatError(path, key, f"must be an array of numbers, got {kind} of {shape}")
+    for key in ("dones", "terminations", "truncations", "starts"):
         if key in arrays and arrays[key].shape != arrays["acts"].shape[:1]:
-            reason = f"must be one truth for each action, got shape {arrays[key].shape}"
-            raise FormatError(path, own[key], reason)
+            shape = arrays[key].shape
+            raise FormatError(path, key, f"must be one truth for each action, got shape {shape}")
     for key in ("acts", "rews"):
         if key in arrays and arrays[key].shape[1:] == (1,):
             arrays[key] = arrays[key][:, 0]
     for key in ("obs", "next_obs"):
         if key in arrays and arrays[key].ndim == 1:
             arrays[key] = arrays[key][:, np.newaxis]
-    try:
+    with blamed(path, errors=(InvalidArgumentError, IndexError)):
         read = _trajectories if "indices" in arrays else _rows
         return read(arrays), int(arrays["obs"].shape[1])
-    except (InvalidArgumentError, IndexError) as error:  # its arrays as the file calls them
-        theirs = {word: name for key, name in own.items() for word in (key, *_ALIASES[key])}
-        said = re.sub(r"\w+", lambda word: theirs.get(word[0], word[0]), str(error))
-        raise FormatError(path, "", said) from None
 
 
 def write_npz(path: str | Path, episodes: tuple[Episode, ...], n_features: int) -> None:
@@ -109,8 +105,8 @@ def _starts_after(ends: NDArray[Any]) -> NDArray[np.bool_]:
 def _rows(arrays: _Arrays) -> tuple[Episode, ...]:
     n = len(arrays["obs"])
     dones = arrays.get("dones")
-    terminated = arrays.get("terminated")
-    truncated = arrays.get("truncated")
+    terminated = arrays.get("terminations")
+    truncated = arrays.get("truncations")
     if dones is not None:  # an end is of the one kind or of the other
         if terminated is None:
             terminated = (

@@ -123,10 +123,10 @@ class LearningResult(Displayed):
         return judgement is not None and (judgement.is_start or judgement.handed_over == START)
 
     @property
-    def handed_over(self) -> Literal["learned", "start", "fit"]:
-        """Which tree ``policy`` is: of ``fit`` where offline the learned one is not believed."""
+    def handed_over(self) -> Literal["learned", "start"]:
+        """Which tree ``policy`` is; offline the start is the tree of ``fit``."""
         if self.against_fit is not None and not self.against_fit.believed:
-            return "fit"
+            return START
         return LEARNED if self.against_start is None else self.against_start.handed_over
 
     def __repr__(self) -> str:
