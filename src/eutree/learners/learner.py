@@ -15,8 +15,7 @@ The loop of a run, for every method:
     whenever a policy is wanted:           learner.decisions().policy(problem)
 
 Each ability that only some learners have is a protocol of its own, which its user checks for by
-``isinstance``: ``ChoosesStarts``, ``HasStages``, ``HasTeacher``, ``KnowsItsModel``,
-``Imagines``, ``HasPolicy``.
+``isinstance``: ``ChoosesStarts``, ``HasStages``, ``Imagines``, ``TriesTrees`` and others below.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -441,7 +440,7 @@ class KnowsItsModel(Protocol):
     """A learner that compares the imagined returns of trees with their real ones."""
 
     def model_trust(self) -> ModelTrust | None:
-        """Return how its world model orders the trees that were really run; None without one."""
+        """Return how its world model orders trees that were run; None without one."""
         ...
 
 

@@ -15,9 +15,16 @@ from eutree.arrays import Booleans, Floats, plain
 from eutree.errors import InvalidArgumentError
 from eutree.evaluation import CurvePoint
 from eutree.interaction.episode import Stream
-from eutree.learners import Learner, Method, Problem, Start
+from eutree.learners import History, Learner, Method, Problem, Start
 from eutree.learners.episode_buffer import transitions_of
-from eutree.learners.learner import GIVEN, KnowsItsModel, TriesTrees, check_has_all, own_code
+from eutree.learners.learner import (
+    GIVEN,
+    Decisions,
+    KnowsItsModel,
+    TriesTrees,
+    check_has_all,
+    own_code,
+)
 from eutree.policies import TreePolicy
 from eutree.policies.reach import among_allowed, ever_allowed, within_kinds, within_reach
 from eutree.policy_search.model_trust import ModelTrust
@@ -164,9 +171,9 @@ class Run:
         judgement = self.evaluations.judgement
         if self.at.judged and judgement is not None and judgement.handed_over == START:
             return self.first
-        return self._contender() if self.at.judged else self.evaluations.picked or self.learned()
+        return self._challenger() if self.at.judged else self.evaluations.picked or self.learned()
 
-    def _contender(self) -> TreePolicy:
+    def _challenger(self) -> TreePolicy:
         """Return the tree that meets the start: the pick of the front, else the learned one.
 
         Where that is the start still, it is the one that the learner has on trial, if any: only the
@@ -177,7 +184,7 @@ class Run:
         if handover is None or races or identity(tree) != identity(self.first):
             return tree
         tried = learner.on_trial() if isinstance(learner, TriesTrees) else None
-        other = tree if tried is None else self._fit(tried.policy(self.beginning.problem))
+        other = tree if tried is None else self._best(tried)
         return other if other.n_leaves <= (handover.max_leaves or other.n_leaves) else tree
 
     def learned(self) -> TreePolicy:
@@ -208,28 +215,16 @@ class Run:
         from eutree.inspection import keep_monotone, monotone_rules
 
         rules = monotone_rules(self.plan.monotone, policy.schema)  # it may remember more than seen
-        known = self._masked(policy)
+        known = _masked(policy, self.learner.history)
         allowed = None if known is None else ever_allowed(policy, *known)
         return keep_monotone(policy, rules, allowed=allowed)
 
-    def _masked(self, policy: TreePolicy) -> tuple[Floats, Booleans] | None:
-        """Return where actions were masked and which were allowed; None where none was."""
-        history = self.learner.history
-        allowed = history.columns.get("allowed")
-        if allowed is None:
-            return None
-        seen = policy.derivation.behind(history.observations)
-        return (seen, allowed) if seen.shape[1] == policy.tree.n_features else None
-
-    def _best(self) -> TreePolicy:
-        """Return the race's result or, before that, the learned policy."""
-        if self.racing.result is not None:
+    def _best(self, tried: Decisions | None = None) -> TreePolicy:
+        """Return the race's result or, before that, the learned policy; else that on trial."""
+        if tried is None and self.racing.result is not None:
             return within_kinds(self.keeping(self.racing.result))
-        return self._fit(self.learner.decisions().policy(self.beginning.problem))
-
-    def _fit(self, policy: TreePolicy) -> TreePolicy:
-        """Return a policy of the learner as it may be handed over: rules kept, by what was seen."""
-        if (known := self._masked(policy)) is not None:
+        policy = (tried or self.learner.decisions()).policy(self.beginning.problem)
+        if (known := _masked(policy, self.learner.history)) is not None:
             policy = among_allowed(policy, *known)
         policy = within_kinds(self.keeping(policy))
         seen = policy.derivation.behind(self.learner.history.observations)
@@ -304,5 +299,14 @@ class Run:
         if self.phase is Phase.FRONT:
             self.evaluations.make_front(self.learned(), first, self.learner, arena, self.keeping)
         else:
-            given, tree = self.beginning.start.name in GIVEN, self._contender()
+            given, tree = self.beginning.start.name in GIVEN, self._challenger()
             self.evaluations.judge(first, tree, self.challengers, arena, given=given)
+
+
+def _masked(policy: TreePolicy, history: History) -> tuple[Floats, Booleans] | None:
+    """Return where actions were masked and which were allowed; None where none was."""
+    allowed = history.columns.get("allowed")
+    if allowed is None:
+        return None
+    seen = policy.derivation.behind(history.observations)
+    return (seen, allowed) if seen.shape[1] == policy.tree.n_features else None
