@@ -126,6 +126,4 @@ def _told_apart(known: list[float], place: int, width: float, *, down: bool) -> 
 def _shown(value: float, decimals: int, above: float) -> str:
     """Return a rounded number that is at most so far above the value."""
     text = number(value, decimals)
-    if float(text) <= value + above:
-        return text
-    return number(float(text) - 10.0**-decimals, decimals)
+    return text if float(text) <= value + above else number(float(text) - 10.0**-decimals, decimals)

@@ -307,8 +307,7 @@ def distill(
         n_episodes = settings.validation_episodes
         results.append(evaluate(tree, where, episodes=n_episodes, seed=validation, n_jobs=n))
         same = float((tree.predict(data.observations)[0] == data.actions).mean())
-        mean_return = results[-1].mean_return
-        rounds.append(Round(data.actions.size, tree.n_leaves, same, mean_return))
+        rounds.append(Round(data.actions.size, tree.n_leaves, same, results[-1].mean_return))
         if on_round is not None:
             on_round(number, rounds[-1])
     validated = np.stack([result.returns for result in results])

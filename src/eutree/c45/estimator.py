@@ -36,8 +36,7 @@ def nominal_mask(table: Any, nominal: Any) -> Booleans:
     shape = np.shape(table)
     if len(shape) != 2:
         raise InvalidArgumentError(f"X must have shape (N, d) and be 2D, got shape {shape}")
-    columns = [str(name) for name in table.columns] if framed else []
-    return _chosen(list(nominal), shape[1], columns)
+    return _chosen(list(nominal), shape[1], [str(name) for name in table.columns] if framed else [])
 
 
 def text_columns(table: Any, nominal: Booleans) -> list[str] | list[int]:
@@ -51,9 +50,7 @@ def text_columns(table: Any, nominal: Booleans) -> list[str] | list[int]:
         for column in range(rows.shape[1])
         if (nominal.size and nominal[column]) or any(_is_text(v) for v in rows[:, column])
     ]
-    if hasattr(table, "columns"):
-        return [str(table.columns[column]) for column in wanted]
-    return wanted
+    return [str(table.columns[k]) for k in wanted] if hasattr(table, "columns") else wanted
 
 
 def _is_text(value: Any) -> bool:

@@ -275,8 +275,7 @@ class _Grower:
         branches = _kernels.Branches(branch, sizes, children, unknown_sizes, unknown)
         _kernels.assign_branches(old, tests, self.attributes, self.cases, branches)
         parent = np.repeat(np.arange(len(forks)), forks)
-        known = (parents - unknown).sum(axis=1)
-        share = children.sum(axis=1) / known[parent]
+        share = children.sum(axis=1) / (parents - unknown).sum(axis=1)[parent]
         children += share[:, np.newaxis] * unknown[parent]
         shared = share > 0
         copy = self._copy_unknown(branch, tests, forks, share)

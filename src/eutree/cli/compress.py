@@ -294,8 +294,7 @@ def _where_trees_play(
         make(spec).close()
     except EutreeError as error:
         return None, f"; nothing was played: {error}"
-    real = RealEpisodes(spec, episodes=episodes, return_range=return_range, n_jobs=n_jobs)
-    return real, ""
+    return RealEpisodes(spec, episodes=episodes, return_range=return_range, n_jobs=n_jobs), ""
 
 
 def _played(rounding: "RoundingPlayed") -> str:

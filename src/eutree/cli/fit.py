@@ -137,8 +137,7 @@ def hurting(
         "episodes_played": found.episodes_played,
         "path": None if out is None else str(out),
     }
-    end = "" if out is None else f"\nwritten to {out}"
-    return Result(values, found.words(numbers) + end)
+    return Result(values, found.words(numbers) + ("" if out is None else f"\nwritten to {out}"))
 
 
 def _restore(opened: DemonstrationFolder) -> Result:

@@ -294,5 +294,4 @@ def _spec(
             "learns --offline"
         )
     spec = demonstrations.environment.override(arguments)
-    given = {**usual, **spec.arguments}
-    return replace(spec, arguments=given, from_file=spec.from_file | chosen)
+    return replace(spec, arguments={**usual, **spec.arguments}, from_file=spec.from_file | chosen)

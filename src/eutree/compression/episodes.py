@@ -213,8 +213,7 @@ class RealEpisodes:
         if self.margin is not None:
             check_number("margin", self.margin, low=0.0)
         if self.return_range is not None:
-            known = check_range("return_range", self.return_range)
-            object.__setattr__(self, "return_range", known)
+            object.__setattr__(self, "return_range", check_range("return_range", self.return_range))
 
     def demand(self, env: gymnasium.Env[Any, Any], max_leaves: int | None) -> Demand:
         """Return which tree is wanted of those that play in the environment, once it is made."""

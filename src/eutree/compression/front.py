@@ -99,8 +99,7 @@ def _extent(policy: TreePolicy, ground: Ground, episodes: int) -> tuple[CommonEp
     common = CommonEpisodes(ground, few)
     common.redraw(policy)
     length, steps = common.traces.actions.size / few, few_steps(episodes)
-    n = int(np.clip(steps / (length * PER_START), few, most))
-    return CommonEpisodes(ground, n, few), steps
+    return CommonEpisodes(ground, int(np.clip(steps / (length * PER_START), few, most)), few), steps
 
 
 def few_steps(episodes: int) -> int:

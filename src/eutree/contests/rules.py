@@ -127,8 +127,7 @@ class NotWorse:
         if worst >= -self.margin and self.known is not None:
             return 1
         worst = min(worst, -2 * self.margin)  # a narrow range that was seen proves nothing
-        wealth = log_wealth_path(gains, -self.margin, worst, self.stake)
-        enough = wealth >= -math.log(self.error)
+        enough = log_wealth_path(gains, -self.margin, worst, self.stake) >= -math.log(self.error)
         enough[: blind - 1 if blind else 0] = False
         return int(enough.argmax()) + 1 if enough.any() else None
 

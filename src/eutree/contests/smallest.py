@@ -112,12 +112,11 @@ class SmallestWithin:
             if n >= self.episodes:
                 break
             n = min(2 * n, self.episodes)
-        near = [
+        return mark, [
             one
             for one in sorted(alive, key=lambda one: (self.sizes[one], one))
             if self.sizes[one] < self.sizes[mark] and float((now[one] - now[mark]).mean()) >= -error
         ]
-        return mark, near
 
     def _near(self, chosen: Table, mark: int) -> float:
         """Return how much less than the best a tree may earn: a standard error, or the slack."""

@@ -227,8 +227,7 @@ class Episode(Frozen):
 
     def with_features(self, features: FeatureMap) -> "Episode":
         """Return the episode with the features of a map in place of its observations."""
-        seen = features.of_episode(self.observations, self.actions)
-        return replace(self, observations=seen)
+        return replace(self, observations=features.of_episode(self.observations, self.actions))
 
 
 def _bits(array: NDArray[Any]) -> tuple[Any, ...]:

@@ -26,13 +26,7 @@ from eutree.data.files import (
     episode_document,
     episode_from_document,
 )
-from eutree.errors import (
-    EutreeError,
-    FileError,
-    FormatError,
-    InvalidArgumentError,
-    needed,
-)
+from eutree.errors import EutreeError, FileError, FormatError, InvalidArgumentError, needed
 from eutree.files.documents import decode_document, encode_document
 from eutree.files.schema_document import environment_from_document, schema_from_document
 from eutree.schema import EnvironmentSpec, Feature, Schema

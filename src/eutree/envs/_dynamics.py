@@ -154,8 +154,7 @@ class EvasionState:
 def draw(parameters: EvasionParameters, generator: np.random.Generator) -> tuple[Floats, Floats]:
     """Draw all chance of one episode: uniforms of the start [2 N] and noise [T, N + 1]."""
     uniforms = generator.random(2 * parameters.n_opponents)
-    noise = generator.standard_normal((parameters.max_steps, parameters.n_opponents + 1))
-    return uniforms, noise
+    return uniforms, generator.standard_normal((parameters.max_steps, parameters.n_opponents + 1))
 
 
 def start(parameters: EvasionParameters, uniforms: Floats) -> EvasionState:
@@ -212,8 +211,7 @@ def reflect(target: Floats, half_path: float) -> tuple[Floats, Floats]:
 
 def turn(target: Floats, half_path: float) -> tuple[Floats, Floats]:
     """Hold positions beyond the ends of a path at its end; return also -1 where they turn, or 1."""
-    is_beyond = (target < -half_path) | (target >= half_path)
-    turns = np.where(is_beyond, -1.0, 1.0)
+    turns = np.where((target < -half_path) | (target >= half_path), -1.0, 1.0)
     return np.minimum(np.maximum(target, -half_path), half_path), turns
 
 
@@ -241,9 +239,7 @@ def reward(parameters: EvasionParameters, action: int, ended: int) -> float:
     price = parameters.stop_reward if action == STOP else 0.0
     if ended == GOAL:
         return price + parameters.goal_reward
-    if ended == COLLISION:
-        return price + parameters.collision_reward
-    return price
+    return price + parameters.collision_reward if ended == COLLISION else price
 
 
 def observe(parameters: EvasionParameters, state: EvasionState) -> Floats:

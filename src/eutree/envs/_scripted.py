@@ -83,8 +83,7 @@ def rock(env: Any) -> RulePolicy:
     """
 
     def rule(o: Floats) -> Integers:
-        backward = np.where(o[..., 0] > LEFT_SLOPE, 0, 1)
-        return np.where(o[..., 1] >= 0.0, 2, backward)
+        return np.where(o[..., 1] >= 0.0, 2, np.where(o[..., 0] > LEFT_SLOPE, 0, 1))
 
     return _policy(env, 2, rule)
 
@@ -174,8 +173,7 @@ def _land(o: Floats, *, tilt: float, fall: float, glide: float) -> Integers:
     """
     # o: position x, y, velocity x, y, angle, its velocity, contact of each leg; [..., 8]
     x, y, x_velocity, y_velocity, angle, turning = np.moveaxis(o[..., :6], -1, 0)
-    wanted = np.clip(tilt * x + 2.0 * tilt * x_velocity, -MAX_TILT, MAX_TILT)
-    lean = angle - wanted + turning
+    lean = angle - np.clip(tilt * x + 2.0 * tilt * x_velocity, -MAX_TILT, MAX_TILT) + turning
     sideways = np.where(lean > 0.1, RIGHT_ENGINE, np.where(lean < -0.1, LEFT_ENGINE, NOTHING))
     in_air = np.where(y_velocity < -(fall + glide * y), MAIN_ENGINE, sideways)
     on_ground = np.where(y_velocity < -0.1, MAIN_ENGINE, NOTHING)

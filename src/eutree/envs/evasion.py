@@ -232,8 +232,7 @@ class EvasionEnv(gymnasium.Env[Any, Any]):
     def _animate(self) -> None:
         if self._window is None:
             self._window = Window()
-        seconds = 1.0 / self.metadata["render_fps"]
-        self._window.animate(self.parameters, self._between, seconds)
+        self._window.animate(self.parameters, self._between, 1.0 / self.metadata["render_fps"])
 
     def get_keys_to_action(self) -> dict[tuple[int, ...], int]:
         """Return which keys mean which action: Space or Right is ``go``, none is ``stop``."""

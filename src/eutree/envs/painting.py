@@ -96,8 +96,7 @@ class Brush:
         self, along: float, across: float, radius: float, color: Color, alpha: int = 255
     ) -> None:
         """Fill a disc; ``radius`` in metres."""
-        pixels = max(1, round(radius * self.scale.pixels))
-        self._round(along, across, pixels, color, alpha, 0)
+        self._round(along, across, max(1, round(radius * self.scale.pixels)), color, alpha, 0)
 
     def ring(self, along: float, across: float, radius: float, color: Color, width: float) -> None:
         """Draw a circle whose outer edge is at ``radius``; both in metres."""
@@ -139,8 +138,7 @@ def _draw(parameters: EvasionParameters, state: EvasionState) -> Any:
 @lru_cache(maxsize=4)
 def _backdrop(parameters: EvasionParameters) -> Any:
     """Return the large picture of all that does not move."""
-    pygame = import_pygame()
-    surface = pygame.Surface((WIDTH * SMOOTHING, HEIGHT * SMOOTHING), 0, 32)
+    surface = import_pygame().Surface((WIDTH * SMOOTHING, HEIGHT * SMOOTHING), 0, 32)
     surface.fill(PAPER)
     brush = Brush(surface, Scale.fit(parameters))
     length, half = parameters.main_path_length, parameters.half_path

@@ -52,8 +52,7 @@ def run_batch(policy: Policy, vector: Any, seeds: Sequence[int]) -> Evaluation |
     while True:
         observations, reward, terminated, truncated, info = vector.step(actions)
         rewards.append(reward)
-        just_ended = (terminated | truncated) & (lengths == 0)
-        for copy in np.flatnonzero(just_ended).tolist():
+        for copy in np.flatnonzero((terminated | truncated) & (lengths == 0)).tolist():
             lengths[copy] = len(rewards)
             own = {key: _of(info, key, copy) for key in ("is_success", "ending")}
             successes[copy] = success_of(own)
@@ -159,8 +158,7 @@ def evaluate_starts(
 
     The starts ascend; episode k has ``episode_seed(seed, k)``.
     """
-    seeds = [episode_seed(seed, k) for k in starts]
-    return _evaluate(policy, env, seeds, first=starts[0])
+    return _evaluate(policy, env, [episode_seed(seed, k) for k in starts], first=starts[0])
 
 
 def _evaluated_block(

@@ -199,5 +199,4 @@ def _mean(accuracies: Floats) -> Floats:
 def _point(k: int, accuracies: Floats) -> ExpertCurvePoint:
     known = accuracies[~np.isnan(accuracies)]
     low, high = mean_interval(known)
-    interval = Interval(max(low, 0.0), min(high, 1.0))
-    return ExpertCurvePoint(k, float(known.mean()), interval)
+    return ExpertCurvePoint(k, float(known.mean()), Interval(max(low, 0.0), min(high, 1.0)))

@@ -105,8 +105,7 @@ class FittedLog:
         """Return the estimated gains of acting by ``one`` in place of ``other``."""
         every = (self.told(episode) for episode in (*self.episodes, *episodes))
         told = [_Differing(one, other, each) for each in every]
-        largest = max(each.largest_weight for each in told)
-        whole = largest <= most_weight
+        whole = max(each.largest_weight for each in told) <= most_weight
         if whole:
             both = np.array([each.whole(limits) for each in told])
             values, worst = both[:, 0], float(both[:, 1].min())
@@ -114,8 +113,7 @@ class FittedLog:
             values = np.array([each.deviations() for each in told])
             worst = min(float(values.min()), 0.0)
         n = len(self.episodes)
-        tried = sum(each.n_followed for each in told)
-        return Gains(values[n:], values[:n], worst, whole, tried)
+        return Gains(values[n:], values[:n], worst, whole, sum(each.n_followed for each in told))
 
 
 def rows_of(policy: TreePolicy, episode: Episode) -> Floats:

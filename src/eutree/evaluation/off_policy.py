@@ -144,10 +144,9 @@ class Judge:
             return OffPolicyComparison(float("nan"), -np.inf, -np.inf, len(self.held_out))
         found = self._gains(learned)
         stake = tuned_stake(found.fitted, 0.0, found.worst)[0] if found.worst < 0.0 else None
-        low = lower_bound(found.values, found.worst, error, stake)
         return OffPolicyComparison(
             gain=float(found.values.mean()),
-            low=low,
+            low=lower_bound(found.values, found.worst, error, stake),
             predicted=float("nan") if found.whole else self._predicted(learned),
             n_held_out=len(self.held_out),
             condition=self._condition(found),
@@ -212,8 +211,7 @@ class Judge:
                 "if single deviations add up, and no episode speaks against it more strongly than "
                 f"by {max(-found.worst, 0.0):.4g}, the most seen"
             )
-        known = self.return_range is not None
-        return Bounds(0.0, 0.0, 0.0, self._limits, known).condition()
+        return Bounds(0.0, 0.0, 0.0, self._limits, self.return_range is not None).condition()
 
 
 @dataclass(frozen=True, eq=False)
@@ -255,15 +253,14 @@ class Log:
                 tuple(episode.with_features(widest.features) for episode in part)
                 for part in (known, held_out)
             )
-        judge = Judge(
+        tree, found = Judge(
             other=other,
             known=known,
             held_out=held_out,
             discount=DISCOUNT if discount is None else discount,
             generator=_chance(self.seed, 1),
             return_range=self.return_range,
-        )
-        tree, found = judge.chosen(learned)
+        ).chosen(learned)
         return (tree if found.believed else other), found
 
     def _fitted(self, learned: TreePolicy) -> TreePolicy:

@@ -59,9 +59,8 @@ class Numbers:
     def measured(self, feature: int) -> str:
         """Return the observation that an entry stands for as a double of C."""
         stored = f"(double)observation[{feature}]"
-        if self.number != "int32":
-            return stored
-        return f"{stored} / {hexadecimal(self.scales[feature])}"
+        scaled = self.number == "int32"
+        return f"{stored} / {hexadecimal(self.scales[feature])}" if scaled else stored
 
     def value(self, stored: float, feature: int) -> float:
         """Return the observation that a stored number of this type stands for."""
@@ -119,8 +118,7 @@ def in_integers(policy: TreePolicy, scales: tuple[float, ...]) -> tuple[TreePoli
     inner = np.flatnonzero(tree.feature != tree.NO_FEATURE)
     limit = np.full(tree.n_nodes, np.nan)
     for node in inner.tolist():
-        scale = scales[tree.feature[node]]
-        limit[node] = largest_integer(float(tree.threshold[node]), scale)
+        limit[node] = largest_integer(float(tree.threshold[node]), scales[tree.feature[node]])
     reached = np.ones(tree.n_nodes, dtype=np.bool_)
     reached[tree.left[inner]] = limit[inner] >= _LOWEST
     reached[tree.right[inner]] = limit[inner] < _HIGHEST
@@ -168,5 +166,4 @@ def _scale_of(feature: Feature) -> float | None:
     largest = max(abs(feature.low), abs(feature.high))
     if not 0 < largest < math.inf:
         return None if largest else 1.0
-    exponent = 30 - math.frexp(largest)[1]
-    return 2.0 ** min(max(exponent, -29), 29)
+    return 2.0 ** min(max(30 - math.frexp(largest)[1], -29), 29)

@@ -220,5 +220,4 @@ def filled(name: str, /, **values: object) -> list[str]:
         field: "\n".join(value) if isinstance(value, list) else value
         for field, value in values.items()
     }
-    text = Template(template(f"{name}.txt")).substitute(fields)
-    return text.removesuffix("\n").split("\n")
+    return Template(template(f"{name}.txt")).substitute(fields).removesuffix("\n").split("\n")

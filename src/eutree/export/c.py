@@ -123,8 +123,7 @@ def _declarations(
     policy: TreePolicy, name: str, kind: Numbers, *, for_cpp: bool = False
 ) -> list[str]:
     """Return the prototype, the enumeration of the actions and the table of their names."""
-    names = _enumerators(policy, name)
-    members = [f"    {member} = {index}" for index, member in enumerate(names)]
+    members = [f"    {member} = {index}" for index, member in enumerate(_enumerators(policy, name))]
     lines = ["#include <stdint.h>", ""] if kind.number == "int32" else []
     lines += ["enum {", ",\n".join(members), "};", ""]
     if for_cpp:
@@ -185,13 +184,12 @@ def _function(policy: TreePolicy, name: str, kind: Numbers, root: int) -> list[s
         title = f"static int {name}_tree"
     elif policy.masked and root == 0:
         title = f"static int {name}_leaf"
-    unused = ["    (void)observation;"] if policy.n_leaves == 1 else []
     return [
         f"{title}(const {kind.c_type} *observation)",
         "{",
         "    int action;",
         "",
-        *unused,
+        *(["    (void)observation;"] if policy.n_leaves == 1 else []),
         *code.block(tree, syntax, root, indent=1),
         "    return action;",
         "}",

@@ -99,8 +99,7 @@ def fills(schema: Schema) -> tuple[str, ...]:
     """Return the fill colour of each action's leaves."""
     if len(schema.controls) == 1:
         return _scale(schema.controls[0].levels)
-    more = range(len(FILLS), schema.n_actions)
-    return (*FILLS[: schema.n_actions], *map(_hue, more))
+    return (*FILLS[: schema.n_actions], *map(_hue, range(len(FILLS), schema.n_actions)))
 
 
 def _scale(levels: tuple[float, ...]) -> tuple[str, ...]:

@@ -52,8 +52,7 @@ def to_svg(policy: TreePolicy, *, standalone: bool = True) -> str:
     middles = _MARGIN + (places.row + 0.5) * _ROW
     for parent, child, answer in drawing.branches(policy):
         start, end = lefts[parent] + widths[parent], lefts[child]
-        is_upper = bool(tree.left[parent] == child)
-        place = (end, middles[child], is_upper)
+        place = (end, middles[child], bool(tree.left[parent] == child))
         lines += _branch((start, middles[parent]), place, answer, shares[child])
     for node in tree.preorder():
         box = lefts[node], middles[node], widths[node]

@@ -129,8 +129,7 @@ def decode_archive(
         info = members.pop(_DOCUMENT_MEMBER)
         if info.file_size > MAX_DOCUMENT:
             raise FormatError(path, _DOCUMENT_MEMBER, f"too large: {info.file_size:,} bytes")
-        document = decode_document(_content(archive, info, path), kind, path)
-        return document, {
+        return decode_document(_content(archive, info, path), kind, path), {
             name: _decode_array(_content(archive, info, path), info.filename, path)
             for name, info in members.items()
         }
@@ -194,8 +193,7 @@ def _encode_array(name: str, array: Array) -> bytes:
             f"got {array.dtype} and shape {array.shape}"
         )
     header = f"{{'descr': '{order}', 'fortran_order': False, 'shape': {array.shape}, }}"
-    room = -(10 + len(header) + 1) % 64
-    header += " " * room + "\n"
+    header += " " * (-(10 + len(header) + 1) % 64) + "\n"
     prefix = b"\x93NUMPY\x01\x00" + struct.pack("<H", len(header)) + header.encode("ascii")
     return prefix + array.astype(order, order="C", copy=False).tobytes()
 

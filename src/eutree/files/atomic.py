@@ -141,8 +141,7 @@ def make_folder(path: str | Path, *, of: str = "") -> Path:
             raise FileError("make folder", path, "a file of that name is in the way")
         for kind, marks in KINDS.items() if of else ():
             if kind != of and any((folder / mark).exists() for mark in marks):
-                reason = f"it holds {kind}; choose another folder for {of}"
-                raise FileError("write", path, reason)
+                raise FileError("write", path, f"it holds {kind}; choose another folder for {of}")
         folder.mkdir(parents=True, exist_ok=True)
     return folder
 

@@ -195,8 +195,7 @@ def _tried(rows: _Rows, settings: C45Settings) -> _Trial:
         left_out = rows.part % FOLDS == fold
         tree, actions = rows.tree(~left_out, settings)
         leaves[fold] = tree.n_leaves
-        decided = actions[tree.leaf_index(rows.columns[left_out])]
-        right[left_out] = decided == rows.labels[left_out]
+        right[left_out] = actions[tree.leaf_index(rows.columns[left_out])] == rows.labels[left_out]
     return _Trial(leaves, np.bincount(rows.part, right) / np.bincount(rows.part))
 
 

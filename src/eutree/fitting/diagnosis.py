@@ -142,8 +142,7 @@ def _harm(played: Played, so: Booleans, ending: str, shown: Integers) -> Harm:
     chosen = np.flatnonzero(so).tolist()
     leaves = played.leaves()
     paths = [leaves[number] for number in chosen]
-    last = np.bincount([path[-1] for path in paths])
-    stuck = int(last.argmax())
+    stuck = int(np.bincount([path[-1] for path in paths]).argmax())
     cut_short = np.mean([played.episodes[number].truncated for number in chosen])
     holds_on = bool(cut_short >= 0.5 and np.mean([_stay(p, stuck) for p in paths]) >= STILL)
     leaf = stuck if holds_on else _doubtful(played, so, paths, shown)

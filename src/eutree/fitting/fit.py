@@ -79,12 +79,10 @@ def mend(
     for number in range(MOST_REPAIRS):
         if not person.is_above(played.evaluation):
             break
-        repaired = _repaired(fitted, played, demonstrations, person)
-        tried = [fitted, *map(kept, repaired)]
+        tried = [fitted, *map(kept, _repaired(fitted, played, demonstrations, person))]
         for block, episodes in ((REPAIRING, budget), (CONFIRMING, 2 * budget)):
             rule = Halving(first=episodes, most=episodes)
-            policies = [entry.policy for entry in tried]
-            winner, again = player.contest(rule, policies, block + number)
+            winner, again = player.contest(rule, [entry.policy for entry in tried], block + number)
             if winner == 0:
                 return fitted, played
             tried = [fitted, tried[winner]]
@@ -186,8 +184,7 @@ def fit(
             player = Player(world, seed, on_progress)
             fitting = _Fitting(demonstrations, player, keeps, episodes, seed)
             report = fitting.report(found, practise, repair=settings is None)
-    count = report.episodes_played + spent
-    return replace(report, proposals=proposals, episodes_played=count)
+    return replace(report, proposals=proposals, episodes_played=report.episodes_played + spent)
 
 
 @dataclass(frozen=True)

@@ -57,8 +57,7 @@ def accepted(demonstrations: Demonstrations, segments: Iterable[Segment]) -> Dem
     """Return demonstrations of which some segments are cut or flipped; the actions taken stay."""
     episodes = list(demonstrations.episodes)
     for one in segments:
-        episode = episodes[one.episode]
-        episodes[one.episode] = episode.teaching_in(one.start, one.stop, one.becomes)
+        episodes[one.episode] = episodes[one.episode].teaching_in(one.start, one.stop, one.becomes)
     return replace(demonstrations, episodes=tuple(episodes))
 
 
@@ -130,8 +129,7 @@ def segments_of(known: Demonstrations, edit: Edit) -> tuple[Segment, ...]:
     found: list[Segment] = []
     for row, becomes in sorted(zip(edit.rows.tolist(), edit.becomes.tolist(), strict=True)):
         number, step = kept[row]
-        episode = known.episodes[number]
-        action, to = int(episode.actions[step]), None if becomes == CUT else becomes
+        action, to = int(known.episodes[number].actions[step]), None if becomes == CUT else becomes
         last = found[-1] if found else None
         if last and (last.episode, last.stop, last.action, last.becomes) == (
             number, step, action, to
@@ -236,10 +234,8 @@ def find_hurting(
         check_integer(name, count, low=1)
     check_seed(seed)
     with opened(env) as given:
-        world = acting_as(given, demonstrations)
-        games = _Games(world, seed, on_progress)
-        found = fitted_trees(demonstrations, settings=SETTINGS, histories=(0, 1))
-        entrants = promising(found, 8)
+        games = _Games(acting_as(given, demonstrations), seed, on_progress)
+        entrants = promising(fitted_trees(demonstrations, settings=SETTINGS, histories=(0, 1)), 8)
         games.begin("choosing", 3 * judged)
         chosen = entrants[games.best([one.policy for one in entrants], CHOOSING, 3 * judged)[0]]
         return _Search(demonstrations, chosen, games, episodes, judged).run(most)

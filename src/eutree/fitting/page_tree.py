@@ -107,8 +107,7 @@ class PageTree:
             with closing(self._make()) as env:
                 found = find_hurting(known, env, seed=self._seed, on_progress=progress)
             hurts = hurt_views(found, list(DemonstrationFolder(self._folder).read_all()))
-            view = self._verdict(best, said_of(found))
-            show(replace(view, hurts=hurts, was_searched=True))
+            show(replace(self._verdict(best, said_of(found)), hurts=hurts, was_searched=True))
 
     def make_without(self, show: Show, stop: Callable[[], bool]) -> None:
         """Make the tree of the steps that are left, and show it beside the one of all."""

@@ -107,8 +107,7 @@ def _changes(
     if before is after or before.history != after.history:
         return ()
     rows = demonstrations.with_history(before.history).observations
-    boxes = diff(before, after, observations=rows).boxes
-    most = [box for box in boxes[:CHANGES] if box.visited]
+    most = [box for box in diff(before, after, observations=rows).boxes[:CHANGES] if box.visited]
     return tuple(f"{100 * (box.visited or 0.0):.1f} % of your steps: {box.words}" for box in most)
 
 

@@ -153,8 +153,7 @@ def blame(played: Played, failed: Booleans) -> Floats:
 def most_guilty(played: Played, mean_return: float, most: int) -> list[int]:
     """Return the leaves that have most to do with failing, at most so many, the worst first."""
     guilt = blame(played, played.failed(mean_return))
-    order = np.argsort(-guilt, kind="stable")[:most]
-    return [leaf for leaf in order.tolist() if guilt[leaf] > 0.0]
+    return [leaf for leaf in np.argsort(-guilt, kind="stable")[:most].tolist() if guilt[leaf] > 0.0]
 
 
 def repairs(
@@ -263,5 +262,4 @@ def practise(
 def _recent(episodes: tuple[Episode, ...]) -> tuple[Episode, ...]:
     """Return the last episodes, of ``MOST_KNOWN`` steps at most."""
     steps = np.cumsum([len(episode) for episode in reversed(episodes)])
-    first = len(episodes) - int(np.searchsorted(steps, MOST_KNOWN, side="right"))
-    return episodes[first:]
+    return episodes[len(episodes) - int(np.searchsorted(steps, MOST_KNOWN, side="right")) :]

@@ -148,10 +148,8 @@ def _judged(measure: str, found: tuple[float, Interval], same: float) -> Standin
         word = BETTER
     elif high < 0.0 and difference < -same:
         word = WORSE
-    elif low >= -same:
-        word = AS_GOOD
     else:
-        word = OPEN
+        word = AS_GOOD if low >= -same else OPEN
     return Standing(word, measure, difference, Interval(low, high))
 
 

@@ -173,8 +173,7 @@ def _action(policy: TreePolicy, rule: Property) -> int:
 def _with_rule(policy: TreePolicy, rule: Property, region: Region, action: int) -> TreePolicy:
     _check_locks(policy, rule, region, action)
     box, inside = _box_tree(region, policy.tree.n_features)
-    numbers = np.arange(policy.n_leaves)
-    tree, origins, ruled = graft(box, {inside: _ENFORCED}, policy.tree, numbers)
+    tree, origins, ruled = graft(box, {inside: _ENFORCED}, policy.tree, np.arange(policy.n_leaves))
     kept = np.isin(origins, list(policy.locked))
     return replace(
         policy,
@@ -190,8 +189,7 @@ def _check_locks(policy: TreePolicy, rule: Property, region: Region, action: int
     """Raise InvalidArgumentError if a locked leaf decides otherwise somewhere in the rule's box."""
     low, high = leaf_boxes(policy.tree)
     for leaf in policy.locked:
-        meets = is_box(*region.meet(low[leaf], high[leaf]))
-        if meets and policy.actions[leaf] != action:
+        if is_box(*region.meet(low[leaf], high[leaf])) and policy.actions[leaf] != action:
             raise InvalidArgumentError(
                 f"{rule.text!r} must not contradict leaf {leaf}, which is locked on "
                 f"{printable(policy.schema.actions[policy.actions[leaf]])}; unlock it first"

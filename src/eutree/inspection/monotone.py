@@ -128,8 +128,7 @@ def _labels(
         pairs = [(one, two) for known, one, two in edges if known == chosen]
         one, two = (np.concatenate(part) for part in zip(*pairs, strict=True))
         member = np.isin(np.arange(worth.shape[1]), list(chosen))
-        has = _closed(worth, allowed, member, one, two)
-        allowed = allowed & (member == has[:, np.newaxis])
+        allowed = allowed & (member == _closed(worth, allowed, member, one, two)[:, np.newaxis])
     if not allowed.any(axis=1).all():
         return np.empty(0, np.int64)
     labels: Integers = np.where(allowed, worth, -np.inf).argmax(axis=1)
@@ -158,9 +157,8 @@ def _above(policy: TreePolicy, rule: Property) -> tuple[Integers, Integers]:
         for one, two in ways(policy.tree, low, high, leaves, rule.feature, falls=rule.falls):
             found.append((one[is_asked[two]], two[is_asked[two]]))
     one, two = (np.concatenate(part) for part in zip(*found, strict=True))
-    if _is_mirrored(rule, policy.schema):  # of two actions, the other one is closed the other way
-        return two, one
-    return one, two
+    # Of two actions, the other one is closed the other way.
+    return (two, one) if _is_mirrored(rule, policy.schema) else (one, two)
 
 
 def _closed(

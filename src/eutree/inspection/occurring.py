@@ -126,13 +126,11 @@ class Occurring:
 
     def _is_right(self, box: Region) -> Booleans:
         """Return of which features [d] the box takes a NaN."""
-        is_free = np.isin(np.arange(self.schema.n_features), list(self.free))
-        return is_free & np.isinf(box.high)
+        return np.isin(np.arange(self.schema.n_features), list(self.free)) & np.isinf(box.high)
 
     @cached_property
     def _is_whole(self) -> Booleans:
-        features = self.schema.features
-        return np.array([one.is_integer and not self.everywhere for one in features])
+        return np.array([one.is_integer and not self.everywhere for one in self.schema.features])
 
     def _cuts(self, parts: Floats) -> Floats:
         """Return where each side of parts is halved, shape [N, d]; at its end where it cannot be.

@@ -75,8 +75,7 @@ class Property:
         """Return the rank of each action, which must not fall: its quantity, or 1 if kept, [A]."""
         if self.control >= 0:
             return np.array(schema.action_values, dtype=np.float64)[:, self.control]
-        kept = np.isin(np.arange(schema.n_actions), list(self.actions))
-        return kept.astype(np.float64)
+        return np.isin(np.arange(schema.n_actions), list(self.actions)).astype(np.float64)
 
 
 def parse(text: str, schema: Schema) -> Property:

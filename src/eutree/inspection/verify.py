@@ -186,8 +186,7 @@ def _part(
         has = np.isin(policy.actions[reaching], list(asked.actions))
         wrong = reaching[has if asked.kind == "never" else ~has]
         found = _examples(policy, region, wrong, (low, high), occurring.within)
-    whole = _finite(policy, domain(schema))
-    size = float(volumes(region.low, region.high, *whole, schema))
+    size = float(volumes(region.low, region.high, *_finite(policy, domain(schema)), schema))
     return _Part(found, int(reaching.size), size, is_asked)
 
 
@@ -304,8 +303,7 @@ def _dead(policy: TreePolicy, observations: ArrayLike | None) -> _Part:
     def anything(box: Region) -> Occurrence:  # what nothing can reach is dead, too
         return Occurrence(box.point(policy.schema), True)
 
-    dead = np.flatnonzero(~reached)
-    found = _examples(policy, whole, dead, leaf_boxes(policy.tree), anything)
+    found = _examples(policy, whole, np.flatnonzero(~reached), leaf_boxes(policy.tree), anything)
     return _Part(found, policy.n_leaves, 1.0)
 
 

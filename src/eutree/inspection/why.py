@@ -201,8 +201,7 @@ def _alternatives(
         words = _changes(policy, point, nearest[leaf], other, digits)
         if not (occurs := _occurs(policy, nearest[leaf])):
             words += " (the derived features of that observation do not fit its measured ones)"
-        one = Alternative(other, nearest[leaf], float(distances[leaf]), leaf, words, occurs)
-        found.append(one)
+        found.append(Alternative(other, nearest[leaf], float(distances[leaf]), leaf, words, occurs))
     return tuple(sorted(found, key=lambda alternative: alternative.distance))
 
 
@@ -240,9 +239,7 @@ def _changes(
 def _margin(digits: Digits, feature: int, distance: float) -> str:
     """Return a distance in the digits of its feature; in one that says it, if these say 0."""
     text = digits.text(feature, distance)
-    if float(text) or digits.are_one(feature, 0.0, distance):
-        return text
-    return f"{distance:.1g}"
+    return text if float(text) or digits.are_one(feature, 0.0, distance) else f"{distance:.1g}"
 
 
 def _scale(policy: TreePolicy, scale: ArrayLike | None) -> Floats:
@@ -257,10 +254,8 @@ def _scale(policy: TreePolicy, scale: ArrayLike | None) -> Floats:
 def _support(policy: TreePolicy, leaf: int, demonstrations: Demonstrations) -> tuple[Support, ...]:
     found = []
     shown = check_kind("demonstrations", demonstrations, Demonstrations)
-    seen = shown.with_history(policy.history, policy.past_actions)
-    for number, episode in enumerate(seen):
-        leaves = policy.tree.leaf_index(episode.observations[:-1])
-        steps = np.flatnonzero(leaves == leaf).tolist()
+    for number, episode in enumerate(shown.with_history(policy.history, policy.past_actions)):
+        steps = np.flatnonzero(policy.tree.leaf_index(episode.observations[:-1]) == leaf).tolist()
         found += [Support(number, step, int(episode.actions[step])) for step in steps]
     return tuple(found)
 

@@ -80,7 +80,9 @@ def first_difference(env: gymnasium.Env[Any, Any], seed: int) -> int | None:
         except (Exception, SystemExit, GeneratorExit):
             return None
         finally:
-            _close(twin)
+            if spec_of(twin) is not None:  # a copy may share resources that it would close
+                with suppress(Exception):
+                    twin.close()
     differs = [one != other for one, other in zip(first, again, strict=False)]
     return differs.index(True) if True in differs else None
 
@@ -129,13 +131,6 @@ def _twin(env: gymnasium.Env[Any, Any]) -> gymnasium.Env[Any, Any]:
         except EutreeError:  # of another module, or with arguments that only a user may choose
             pass
     return deepcopy(env)
-
-
-def _close(env: gymnasium.Env[Any, Any]) -> None:
-    """Close an environment that was made here; a copy may share resources that it would close."""
-    if spec_of(env) is not None:
-        with suppress(Exception):
-            env.close()
 
 
 @contextmanager

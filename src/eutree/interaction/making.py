@@ -118,8 +118,7 @@ def make(spec: EnvironmentSpec | str, *, render_mode: str | None = None) -> gymn
             made.append(env)
         if taken.get(DECODE) and not decodes(env):
             env = DecodedObservation(env)
-        is_asked = taken.get(ONE_HOT, is_matrix(env.observation_space))
-        if is_asked and one_hot_around(env) is None:
+        if taken.get(ONE_HOT, is_matrix(env.observation_space)) and one_hot_around(env) is None:
             env = FlattenObservation(env)
         if taken.get(ACTION_GRID) is not None:
             env = with_grid(env, taken[ACTION_GRID])

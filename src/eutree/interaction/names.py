@@ -70,12 +70,11 @@ class Names(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
         """Return these names, and those of others that are not among these."""
         if other is None:
             return self
-        derived = (*other.derived, *self.derived)
         return Names(
             features=self.features or other.features,
             actions=self.actions or other.actions,
             kinds={**other.kinds, **self.kinds},
-            derived=derived,
+            derived=(*other.derived, *self.derived),
         )
 
     def give(self, env: gymnasium.Env[Any, Any]) -> gymnasium.Env[Any, Any]:
@@ -113,9 +112,8 @@ class Names(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
                 none, or not that of the feature.
             UnknownNameError: A kind is that of no feature.
         """
-        measured = schema.measured.feature_names
         for kind, mine, theirs in (
-            ("features", self.features, measured),
+            ("features", self.features, schema.measured.feature_names),
             ("actions", self.actions, schema.actions),
         ):
             if mine and len(mine) != len(theirs):
@@ -124,8 +122,7 @@ class Names(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
                     f"{', '.join(theirs)}, got {len(mine)}"
                 )
         features = tuple(map(Feature.from_label, self.features)) or schema.measured.features
-        renamed = schema.renamed(features, self.actions or schema.actions)
-        return renamed.with_kinds(self.kinds)
+        return schema.renamed(features, self.actions or schema.actions).with_kinds(self.kinds)
 
 
 def declarations(path: str | Path) -> list[str]:

@@ -147,8 +147,7 @@ def _one_hot(space: spaces.Space[Any], prefix: str, name: str) -> Iterator[Featu
     if isinstance(space, spaces.MultiDiscrete):
         space = spaces.MultiDiscrete(space.nvec.ravel(), start=space.start.ravel())
     is_choice = isinstance(space, spaces.Discrete | spaces.MultiDiscrete)
-    flat = space if is_choice else spaces.utils.flatten_space(space)
-    entries = _entries(flat, name)
+    entries = _entries(space if is_choice else spaces.utils.flatten_space(space), name)
     for entry in entries:
         own = prefix if prefix and len(entries) == 1 else f"{prefix}.{entry.name}".lstrip(".")
         if is_choice:

@@ -98,8 +98,7 @@ class LeafRows:
     def of(self, leaf: int) -> Integers:
         """Return the rows of a leaf, ascending."""
         rows = np.empty(self.lists.counts[leaf], dtype=np.int64)
-        link = self._columns.whole[self._link]
-        _kernels.walk_list(int(self.lists.head[leaf]), link, rows)
+        _kernels.walk_list(int(self.lists.head[leaf]), self._columns.whole[self._link], rows)
         return rows
 
     def relist(self, n_leaves: int) -> None:

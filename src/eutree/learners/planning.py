@@ -39,12 +39,7 @@ from eutree.schema import Schema
 from eutree.trees.edit import graft
 from eutree.validation import check_amounts, check_number
 from eutree.world_model import ActionTree, PairedRollouts, Transitions, countable
-from eutree.world_model.action_trees import (
-    from_decision_tree,
-    n_leaves,
-    packed,
-    to_decision_tree,
-)
+from eutree.world_model.action_trees import from_decision_tree, n_leaves, packed, to_decision_tree
 from eutree.world_model.transitions import seen_as
 
 _AT_RANDOM = 0.25  # share of a blind explorer's episodes in which each action is drawn
@@ -170,8 +165,7 @@ class ModelPlanning:
             shown = grow(
                 history.observations, history.actions, n_classes=self.n_actions, settings=_UNPRUNED
             )
-            corrected = from_decision_tree(*shown.to_decision_tree())
-            self.plan = replace(self.plan, corrected=corrected)
+            self.plan = replace(self.plan, corrected=from_decision_tree(*shown.to_decision_tree()))
 
     def start_episode(self, observation: Floats, generator: np.random.Generator) -> None:
         """Begin an episode at its first observation, shape [d]; choose who acts in it."""

@@ -58,21 +58,19 @@ def fit_expert_tree(
     weighed = check_vector("weights", given, size=demonstrations.n_transitions)
     if weights is not None:
         warn_of_light(weighed, check_kind("settings", settings, C45Settings).min_objects)
-    grown = grow(
+    tree, actions = grow(
         observations,
         actions_taught,
         n_classes=demonstrations.schema.n_actions,
         weights=weighed[taught_in(demonstrations) != CUT],
         settings=check_kind("settings", settings, C45Settings),
-    )
-    tree, actions = grown.to_decision_tree()
+    ).to_decision_tree()
     policy = within_kinds(
         TreePolicy(tree, actions, demonstrations.schema, demonstrations.environment)
     )
     allowed = allowed_in(demonstrations)
-    if allowed is None:
-        return policy
-    return among_allowed(policy, demonstrations.observations, allowed)
+    seen = demonstrations.observations
+    return policy if allowed is None else among_allowed(policy, seen, allowed)
 
 
 # The expert trees of release 8 come first. Its penalty for cuts of continuous attributes,

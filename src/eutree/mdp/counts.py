@@ -100,8 +100,7 @@ class TransitionCounts:
         pool[: found.size] = np.column_stack([key - 1, n])
         arrays.counters[_kernels.USED] = found.size
         arrays.visits[:] = np.bincount(pair, minlength=n_pairs).reshape(n_states, -1)
-        sums = np.bincount(pair, rows.rewards, n_pairs)
-        arrays.reward_sums[:] = sums.reshape(n_states, -1)
+        arrays.reward_sums[:] = np.bincount(pair, rows.rewards, n_pairs).reshape(n_states, -1)
         counts.arrays = arrays._replace(pool=pool)
         return counts
 
@@ -265,8 +264,7 @@ class TransitionCounts:
         )
         sums = np.zeros(len(columns[0])) if rewards is None else np.array(rewards, np.float64)
         check_finite("rewards", sums)
-        sizes = {columns[0].shape, columns[1].shape, columns[2].shape, sums.shape}
-        if len(sizes) != 1:
+        if len({columns[0].shape, columns[1].shape, columns[2].shape, sums.shape}) != 1:
             raise InvalidArgumentError(
                 "states, actions, rewards and next_states must be vectors of one size, "
                 f"got {columns[0].shape}, {columns[1].shape}, {sums.shape}, {columns[2].shape}"

@@ -235,8 +235,7 @@ class PlanningProblem:
                 f"shape {actions.shape}"
             )
         self.greedy.policy[:] = np.clip(actions, 0, None)
-        fine = self.pairs.usable[self.chosen] & (actions >= 0)
-        self.greedy.policy[~fine] = NO_ACTION
+        self.greedy.policy[~(self.pairs.usable[self.chosen] & (actions >= 0))] = NO_ACTION
 
     def improve(self, values: Floats, discounts: Floats) -> int:
         """Back up all states; make the policy greedy and return how many actions changed."""

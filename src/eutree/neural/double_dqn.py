@@ -88,8 +88,7 @@ class Scaling:
 
     def __call__(self, observations: Floats) -> Float32s:
         """Return observations [..., d] in spreads from the mean, cut at ten."""
-        scaled = np.clip((observations - self.mean) / self.spread, -FAR, FAR)
-        return scaled.astype(np.float32)
+        return np.clip((observations - self.mean) / self.spread, -FAR, FAR).astype(np.float32)
 
 
 LARGEST_RETURN = 10.0  # scaled size of the largest discounted return of the demonstrations

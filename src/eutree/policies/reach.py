@@ -59,8 +59,7 @@ def among_allowed(policy: TreePolicy, observations: Floats, allowed: Booleans) -
     ever = ever_allowed(policy, observations, allowed)
     ever[list(policy.locked)] = True
     inside = np.take_along_axis(ever, policy.orders, axis=1).argmax(axis=1)
-    actions = policy.orders[np.arange(policy.n_leaves), inside]
-    return replace(policy, actions=actions, masked=True)
+    return replace(policy, actions=policy.orders[np.arange(policy.n_leaves), inside], masked=True)
 
 
 def ever_allowed(policy: TreePolicy, observations: Floats, allowed: Booleans) -> Booleans:

@@ -63,8 +63,7 @@ def _joined(observation: Any, names: Sequence[str]) -> Floats:
     size = len(names)
     try:
         total = sum(column.size for _, column in _columns(observation, None))
-        copies = None if total == size or total % size else total // size
-        columns = _columns(observation, copies)
+        columns = _columns(observation, None if total == size or total % size else total // size)
     except (TypeError, ValueError):
         columns = []
     found = [name for name, _ in columns]
@@ -252,8 +251,7 @@ class TreePolicy(Displayed, Frozen):
             FormatError: The file is no policy, was changed by hand, or was made by a newer version.
             FileError: The file is missing or cannot be read.
         """
-        data = read_bytes(path, limit=MAX_DOCUMENT)
-        return cls.from_bytes(data, path, hand_edited=hand_edited)
+        return cls.from_bytes(read_bytes(path, limit=MAX_DOCUMENT), path, hand_edited=hand_edited)
 
     def to_bytes(self) -> bytes:
         """Return the content of the policy's file; the same policy gives the same bytes."""

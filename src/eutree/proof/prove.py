@@ -219,8 +219,7 @@ class _Proof:
         acting = Acting(self._policy, plant)
         for refine in self._effort.refinements:
             grid = StateGrid.of(plant, refine)
-            every = grid.boxes(np.arange(grid.n_cells))
-            keeps = (~self._broken(every)).surely
+            keeps = (~self._broken(grid.boxes(np.arange(grid.n_cells)))).surely
             found = largest_invariant(acting, plant, keeps, grid)
             if not found.undecided:
                 break

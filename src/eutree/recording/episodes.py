@@ -301,8 +301,7 @@ class Lessons:
             return  # it is to be shown again: nothing was found to be better
         episode = self._recording.episodes[one.episode]
         self._before.setdefault(one.episode, episode)
-        becomes = one.becomes if how == "flip" else None
-        changed = episode.teaching_in(one.start, one.stop, becomes)
+        changed = episode.teaching_in(one.start, one.stop, one.becomes if how == "flip" else None)
         self._recording.change(one.episode, changed)
 
     def _segments(self, number: int) -> tuple[Segment, ...]:

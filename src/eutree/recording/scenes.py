@@ -70,8 +70,7 @@ def missing(
     """
     failed = [seed for seed, success in zip(seeds, successes, strict=True) if not success]
     for seed in failed[:MOST_FAILURES]:
-        shown = run_episode(env, policy, seed)
-        why = next(_reasons(shown, policy, env), "")
+        why = next(_reasons(run_episode(env, policy, seed), policy, env), "")
         if why:
             count = f"The tree of what you have shown so far fails in {len(failed)} of {len(seeds)}"
             return Scene(seed, f"{count} episodes, for example: {why[0].lower()}{why[1:]}")
@@ -85,8 +84,7 @@ def explained(scene: Scene, policy: TreePolicy, env: GuardedEnv) -> Scene:
         EnvironmentFault: The environment broke its contract.
     """
     shown = run_episode(env, policy, scene.seed)
-    words = next(_reasons(shown, policy, env), "")
-    return replace(scene, why=words or _last_words(shown, policy))
+    return replace(scene, why=next(_reasons(shown, policy, env), "") or _last_words(shown, policy))
 
 
 class Course:
@@ -180,10 +178,9 @@ def _sentence(
 ) -> str:
     names = policy.schema.actions
     taken = int(shown.actions[step])
-    stays = shown.truncated and (shown.actions[step:] == taken).all()
     did = (
         f"From step {step + 1} on it took only {printable(names[taken])}"
-        if stays
+        if shown.truncated and (shown.actions[step:] == taken).all()
         else f"At step {step + 1} it took {printable(names[taken])}"
     )
     where = _circumstances(shown, step, policy)

@@ -188,8 +188,7 @@ class Session:
             command = self.play.controls.command(event.key, playing=playing)
             # The key that lets a tree drive on does not act, even where it is an action's.
             goes_on = self.driving.is_paused and event.key in START_KEYS
-            free = goes_on or self.play.key_down(event.key, event.frame, now)
-            if free and command is not None:
+            if (goes_on or self.play.key_down(event.key, event.frame, now)) and command is not None:
                 self._obey(command, now)
         elif isinstance(event, KeyUp):
             self.play.key_up(event.key, event.frame, now)

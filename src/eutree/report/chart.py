@@ -157,9 +157,8 @@ def scatter(
     With ``percent`` the values upwards are shares, to be shown as percentages.
     """
     across, up, _ = zip(*points, strict=True)
-    counts = all(float(x).is_integer() for x in across)
     plane = _Plane(
-        ticks(min(across), max(across), whole=counts),
+        ticks(min(across), max(across), whole=all(float(x).is_integer() for x in across)),
         _shares(min(up), max(up)) if percent else ticks(min(up), max(up)),
     )
     drawn = (
@@ -248,10 +247,9 @@ def front_charts(front: Sequence[FrontEntry]) -> list[str]:
         ("mean return", "mean_return", False),
         ("share of successes", "success_rate", True),
     ):
-        known = [(one.policy.n_leaves, getattr(one, of)) for one in front]
         points = [
             (float(leaves), value, f"{counted(leaves, 'leaf')}: {_number(value, percent)}")
-            for leaves, value in known
+            for leaves, value in [(one.policy.n_leaves, getattr(one, of)) for one in front]
             if value is not None
         ]
         if points:

@@ -189,13 +189,12 @@ def _episodes(demonstrations: Demonstrations, numbers: Sequence[int]) -> str:
     shared = [j for group in panels(schema) if len(group) > 1 for j in group]
     styles = [group.index(j) % STYLES for group in panels(schema) if len(group) > 1 for j in group]
     key = legend([schema.features[j].name for j in shared], styles) if shared else ""
-    rest = {
-        "features": schema.n_features - MAX_FEATURES,
-        "episodes": len(demonstrations.episodes) - MAX_EPISODES,
-    }
     note = "".join(
         f'<p class="quiet">{count} further {name} are not drawn.</p>'
-        for name, count in rest.items()
+        for name, count in {
+            "features": schema.n_features - MAX_FEATURES,
+            "episodes": len(demonstrations.episodes) - MAX_EPISODES,
+        }.items()
         if count > 0
     )
     return f'{key}\n<div class="cards">{"".join(cards)}</div>{note}'

@@ -149,6 +149,5 @@ def changed_leaves(
         mine = earlier[leaves == leaf]
         others = mine[mine != after.actions[leaf]]
         if others.size:
-            was = int(np.bincount(others).argmax())
-            found[leaf] = LeafChange(was, others.size / mine.size)
+            found[leaf] = LeafChange(int(np.bincount(others).argmax()), others.size / mine.size)
     return found

@@ -113,8 +113,7 @@ def framed(drawing: str) -> str:
 
 
 def _features(shown: TreePolicy | Demonstrations) -> str:
-    features = shown.schema.features
-    return ", ".join(f"{f.name} [{f.unit}]" if f.unit else f.name for f in features)
+    return ", ".join(f"{f.name} [{f.unit}]" if f.unit else f.name for f in shown.schema.features)
 
 
 def _drawn(policy: TreePolicy) -> str:

@@ -77,8 +77,7 @@ def _report(path: Path, config: Event, events: Sequence[Event]) -> RunReport:
 
         judgement = Judgement.from_facts(judged)
         began = judgement.start or policy  # the same where nothing better was found
-        n_leaves = 0 if began is None else began.n_leaves
-        sentences = judgement.describe(n_leaves), judgement.verdict()
+        sentences = judgement.describe(0 if began is None else began.n_leaves), judgement.verdict()
         verdict = " ".join(f"{one[0].upper()}{one[1:]}." for one in sentences if one)
     front, picked = _front(path, events)
     return RunReport(

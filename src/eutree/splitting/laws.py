@@ -95,8 +95,7 @@ def maximal_p(scaled_statistic: float, n: int, *, min_side: int = 1) -> float:
     squares = [0.0] + [value * value for value in quantiles(n, min_side)]
     square = scaled_statistic * scaled_statistic
     if square > squares[-1]:
-        ratio = square / squares[-1]
-        return TAILS[-1] * ratio * math.exp(-2.0 * (square - squares[-1]))
+        return TAILS[-1] * (square / squares[-1]) * math.exp(-2.0 * (square - squares[-1]))
     return math.exp(float(np.interp(square, squares, _LOG_TAILS)))
 
 

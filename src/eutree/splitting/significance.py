@@ -104,8 +104,7 @@ class EpisodeRows:
             np.argsort(self.alike[drawn], kind="stable")
         ]
         lengths = self.size[sources]
-        rotations = generator.integers(lengths)
-        length, rotation = lengths[self.owner], rotations[self.owner]
+        length, rotation = lengths[self.owner], generator.integers(lengths)[self.owner]
         stretched = self.within * length // self.size[self.owner]
         taken = self.first[sources][self.owner] + (stretched - rotation) % length
         result = np.empty_like(values)
@@ -175,8 +174,7 @@ class _Group:
             rank = generator.permutation(self.rank)
         else:  # stretched episodes hold some returns twice, others not at all
             rank = self.episodes.permuted(self.rank, generator)
-            counts = np.bincount(rank, minlength=cumulative.size)
-            cumulative = np.cumsum(counts).astype(np.float64)
+            cumulative = np.cumsum(np.bincount(rank, minlength=cumulative.size)).astype(np.float64)
         limits = self.side, self.distance, self.floor, 0, _kernels.BRUTE
         for order, legal in zip(self.order, self.legal, strict=True):
             cut, _, _ = _kernels.best_cut(rank[order], legal, cumulative, *limits)
@@ -220,8 +218,7 @@ class Maximal(_AtLevel, frozen=True, tag=True):
         """Return the p-value of the maximum over cuts, after Sidak's correction."""
         n = split.n_left + split.n_right
         single = maximal_p(split.scaled_statistic, n, min_side=search.min_side(n))
-        n_groups = sum(1 for _ in search.groups(sample))
-        return sidak(single, sample.observations.shape[1] * n_groups)
+        return sidak(single, sample.observations.shape[1] * sum(1 for _ in search.groups(sample)))
 
 
 class Permutation(_AtLevel, frozen=True, kw_only=True, tag=True):

@@ -154,8 +154,7 @@ class Racing:
         if run is None:
             self._end(search)
             return
-        room = self._plan.race_steps - state.at.racing_steps
-        episode = self._run_episode(*run, env, room)
+        episode = self._run_episode(*run, env, self._plan.race_steps - state.at.racing_steps)
         if episode is not None:
             search.take(episode)
             state.move(racing_steps=state.at.racing_steps + len(episode))

@@ -331,8 +331,7 @@ def _carried_out(
         with following(run, asked.listeners):
             _go_on(run, None, SavingClock(), asked.listeners)
         return _result(run, log)
-    kind = type(run.beginning.method)
-    with RunFolder(where.path, config, kind, resume=where.resume) as folder:
+    with RunFolder(where.path, config, type(run.beginning.method), resume=where.resume) as folder:
         folder.load_checkpoint(run)
         folder.save_start(run.beginning.start.expert)
         if by_chance is not None:

@@ -140,10 +140,9 @@ class TensorBoard(Listener):
 
     def _times(self, run: Run) -> dict[str, float | int | None]:
         elapsed = max(time.monotonic() - self._start, 1e-9)
-        steps = run.state.num_timesteps - self._steps_before
         return {
             "time/episodes": run.episode,
-            "time/fps": steps / elapsed,
+            "time/fps": (run.state.num_timesteps - self._steps_before) / elapsed,
             "time/time_elapsed": elapsed,
         }
 

@@ -331,8 +331,7 @@ class _Task:
                 seed=episode_seed(self.seed, 0, Stream.SELECTION),
             )
         steps = result.environment_steps.total
-        path = self.folder / str(seed)
-        return FinishedRun(seed, path, result.policy.n_leaves, steps, selection)
+        return FinishedRun(seed, self.folder / str(seed), result.policy.n_leaves, steps, selection)
 
 
 def _table(runs: Sequence[FinishedRun], winner: int) -> str:

@@ -254,9 +254,7 @@ def due(
         return Phase.EVALUATE
     if not over:
         return Phase.GATHER
-    if plan.race_steps:
-        return Phase.RACE
-    return _after_the_race(plan, at)
+    return Phase.RACE if plan.race_steps else _after_the_race(plan, at)
 
 
 def _after_the_race(plan: Plan, at: Position) -> Phase | None:

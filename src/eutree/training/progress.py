@@ -120,8 +120,7 @@ def progress_to_csv(events: Sequence[Mapping[str, Any]], episodes: GatheredEpiso
             "time/total_timesteps": event.get("steps"),
         }
         is_new = not rows or event["event"] in ("expansion", "race")
-        together = not is_new and rows[-1]["time/episodes"] == event.get("episode")
-        if together:
+        if not is_new and rows[-1]["time/episodes"] == event.get("episode"):
             rows[-1] |= pending | time
         else:
             rows.append(time | pending)

@@ -209,8 +209,7 @@ class Proposals:
     def advantages(self, episodes: Sequence[Episode], generator: np.random.Generator) -> Advantages:
         """Return the gains of the steps of the last of some episodes."""
         data = self._data.followed_by(episodes[-RECENT:])
-        numbers = np.unique(data.episodes)
-        return Advantages.of(data.since(int(numbers[-RECENT:][0])), generator)
+        return Advantages.of(data.since(int(np.unique(data.episodes)[-RECENT:][0])), generator)
 
     def pruned(self, policy: TreePolicy) -> list[TreePolicy]:
         """Return prunings of the policy by C4.5, of all sizes."""
@@ -251,8 +250,7 @@ class Proposals:
             episodes: All episodes run so far.
         """
         missed = [(self._missed(one, policy, own).mean(), one) for one in self._models(episodes)]
-        model = min(missed, key=lambda item: item[0])[1]
-        rollouts = self._rollouts(model)
+        rollouts = self._rollouts(min(missed, key=lambda item: item[0])[1])
         yield from self._changed(rollouts, from_decision_tree(policy.tree, policy.actions))
         known = self._data.followed_by(episodes)
         for start in restarts(known, max_leaves=LARGER * self.max_leaves):

@@ -147,8 +147,7 @@ def possible_nodes(tree: DecisionTree, schema: Schema) -> Booleans:
             low[:, j] = np.maximum(low[:, j], feature.low - 1.0)
             high[:, j] = np.minimum(high[:, j], feature.high)
     low, high = possible(low, high, schema)
-    kinds = [feature.is_integer for feature in features]
-    return np.asarray((low < high)[:, kinds].all(axis=1))
+    return np.asarray((low < high)[:, [feature.is_integer for feature in features]].all(axis=1))
 
 
 def whole_bounds(low: Floats, high: Floats, schema: Schema) -> tuple[Floats, Floats]:
@@ -197,5 +196,4 @@ def disagreement(
     if not (np.isfinite(box).all() and (box[0] <= box[1]).all()):
         raise InvalidArgumentError(f"the box must be finite, got {box[0]} to {box[1]}")
     low, high, _ = differing(first, first_labels, second, second_labels)
-    pieces = possible(low, high, schema)
-    return float(volumes(*pieces, *whole_bounds(*box, schema), schema).sum())
+    return float(volumes(*possible(low, high, schema), *whole_bounds(*box, schema), schema).sum())

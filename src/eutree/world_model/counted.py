@@ -98,8 +98,7 @@ def _outcomes(steps: CountedSteps, n_actions: int) -> list[ModelTree]:
     np.add.at(counts, (owner.ravel(), kind), 1.0)
     tests, leaf = shortest_tree(cells, counts)
     # Behind an observation stand the numbers hidden, then the displacement, then the actions.
-    asked = tests[:, 0] >= d
-    tests[asked, 0] += 2 * width - d
+    tests[tests[:, 0] >= d, 0] += 2 * width - d
     by_leaf = leaf[owner.ravel()]  # [N]
     order = np.argsort(by_leaf, kind="stable")
     nodes = np.arange(len(tests))
@@ -210,7 +209,6 @@ def _purest_cut(cells: Floats, counts: Floats) -> tuple[int, float] | None:
 
 def deviance(counts: Floats) -> Floats:
     """Return -2 log of the likelihood of counts under their own shares, of [..., K]."""
-    n = counts.sum(axis=-1)
-    logs = [part * np.log(np.maximum(part, 1.0)) for part in (n, counts)]
+    logs = [part * np.log(np.maximum(part, 1.0)) for part in (counts.sum(axis=-1), counts)]
     result: Floats = 2.0 * (logs[0] - logs[1].sum(axis=-1))
     return result

@@ -396,8 +396,7 @@ def _forgetful(tree: ModelTree, column: int) -> ModelTree:
 
 def fit_model_tree(X: Floats, y: Floats, *, max_leaves: int, min_leaf: int) -> ModelTree:
     """Fit one tree with a line at each leaf to inputs [N, p] and targets [N]."""
-    rows = np.arange(y.size)
-    return _grow(_design(X), y, rows, max_leaves=max_leaves, min_leaf=min_leaf)
+    return _grow(_design(X), y, np.arange(y.size), max_leaves=max_leaves, min_leaf=min_leaf)
 
 
 def _as_tree(ends: TerminationTree, p: int) -> ModelTree:

@@ -197,8 +197,7 @@ class Ensemble:
     def fitted_on(self, data: Transitions, generator: np.random.Generator) -> "Ensemble":
         """Return the ensemble after more updates on all transitions, those it knows included."""
         settings = self.settings
-        recent = min(settings.recent, data.rewards.size)
-        batches = settings.more_updates, settings.more_rate, recent
+        batches = settings.more_updates, settings.more_rate, min(settings.recent, data.rewards.size)
         return self._fitted(self.weights.copy(), data, generator, *batches)
 
     def _fitted(
@@ -236,10 +235,9 @@ def fit_ensemble(
     data: Transitions, settings: EnsembleSettings, generator: np.random.Generator
 ) -> Ensemble:
     """Fit a new ensemble to transitions, at least one."""
-    scales = scales_of(replace(data, memory=settings.memory))
     empty = Ensemble(
         settings=settings,
-        scales=scales,
+        scales=scales_of(replace(data, memory=settings.memory)),
         weights=np.zeros((0, 0), dtype=np.float32),
         n_actions=data.n_actions,
         starts=np.zeros((0, 0)),

@@ -78,8 +78,7 @@ class EnsembleRollouts(Rollouts):
         draws = Draws(generator.random(DRAWS), generator.standard_normal(DRAWS))
         self._conditions = EnsembleConditions(self._world, draws, self._horizon)
         chosen = generator.integers(len(self._starts), size=self._n_starts)
-        starts = np.repeat(self._starts[chosen], self.n_members, axis=0)
-        self._begin_at(starts)
+        self._begin_at(np.repeat(self._starts[chosen], self.n_members, axis=0))
 
     def _record(self, policy: ActionTree) -> None:
         begins = self._departs[self._departs >= 0]

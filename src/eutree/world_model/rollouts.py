@@ -55,8 +55,7 @@ class Rollouts(ABC):
         self.n_actions = model.n_actions
         self._n_seen = model.n_features
         self._n_features = n_features = model.starts.shape[1]
-        horizon = model.horizon
-        room = n_episodes * horizon
+        room = n_episodes * model.horizon
         self._episodes, self._spare, self._trace = (
             empty_episodes(n_episodes, room, n_features) for _ in range(3)
         )
@@ -196,8 +195,7 @@ class PairedRollouts(Rollouts):
             return Gain(0.0, 0.0, complete)
         share = 1.0 if complete else int(np.count_nonzero(self._departs >= 0)) / n
         mean, square = share * total / self.n_episodes, share * squares / self.n_episodes
-        error = math.sqrt(max(square - mean * mean, 0.0) / self.n_episodes)
-        return Gain(mean, error, complete)
+        return Gain(mean, math.sqrt(max(square - mean * mean, 0.0) / self.n_episodes), complete)
 
     def deviations(self, steps: Integers) -> Floats:
         """Return the gain of one other action at each of the steps, shape [n, A]."""

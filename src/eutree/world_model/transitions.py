@@ -21,8 +21,7 @@ def countable(schema: Schema) -> bool:
     """Return whether observations are whole numbers of a few combinations, none derived."""
     if any(one.formula or not one.is_integer for one in schema.features):
         return False
-    sizes = [one.high - one.low + 1.0 for one in schema.features]
-    return math.prod(sizes) <= MOST_CELLS
+    return math.prod([one.high - one.low + 1.0 for one in schema.features]) <= MOST_CELLS
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,8 +43,7 @@ class Transitions:
     @classmethod
     def of(cls, episodes: Sequence[Episode], n_actions: int) -> "Transitions":
         """Return the transitions of episodes, at least one step in all."""
-        width = episodes[0].observations.shape[1]
-        none, rows = np.empty(0), np.empty((0, width))
+        none, rows = np.empty(0), np.empty((0, episodes[0].observations.shape[1]))
         numbers = np.empty(0, dtype=np.int64)
         empty = cls(rows, numbers, none, rows, np.empty(0, np.bool_), numbers, n_actions)
         return empty.followed_by(episodes)

@@ -70,8 +70,7 @@ class RacedTree:
 
 def packed_raced(raced: Sequence[RacedTree]) -> dict[str, NDArray[Any]]:
     """Return raced trees as arrays."""
-    trees = packed_trees([one.tree for one in raced])
-    return trees | {
+    return packed_trees([one.tree for one in raced]) | {
         "origin": np.array([ORIGINS.index(one.origin) for one in raced], dtype=np.int64),
         "imagined": np.array([one.imagined for one in raced]),
         "n_returns": np.array([len(one.returns) for one in raced], dtype=np.int64),
@@ -81,15 +80,13 @@ def packed_raced(raced: Sequence[RacedTree]) -> dict[str, NDArray[Any]]:
 
 def unpacked_raced(state: Mapping[str, NDArray[Any]]) -> list[RacedTree]:
     """Return the raced trees that ``packed_raced`` made arrays of."""
-    ends = np.cumsum(state["n_returns"])[:-1]
-    returns = np.split(state["returns"], ends)
     return [
         RacedTree(tree, ORIGINS[origin], imagined, earned.tolist())
         for tree, origin, imagined, earned in zip(
             unpacked_trees(state),
             state["origin"].tolist(),
             state["imagined"].tolist(),
-            returns,
+            np.split(state["returns"], np.cumsum(state["n_returns"])[:-1]),
             strict=True,
         )
     ]
@@ -236,8 +233,7 @@ class ImaginedChallengers:
 
     def ensemble_of(self, state: Arrays) -> Ensemble:
         """Return the model whose ``state()`` this was."""
-        settings = self._settings, self._n_actions, self._derivation()
-        return Ensemble.from_state(state, *settings)
+        return Ensemble.from_state(state, self._settings, self._n_actions, self._derivation())
 
 
 SURE = 2.0  # standard errors that end a race, and that win where its proposals are not trusted
@@ -274,9 +270,7 @@ class Races:
     @property
     def running(self) -> ActionTree:
         """The tree that decides in the present episode."""
-        if self._next is None:
-            return self.policy
-        return self.trees[self.entrants[self._next[0]]].tree
+        return self.policy if self._next is None else self.trees[self.entrants[self._next[0]]].tree
 
     @property
     def is_run(self) -> bool:
@@ -356,14 +350,13 @@ class Races:
 
     def take_up(self, looks: Sequence[int], table: Table) -> None:
         """Let a race be under way."""
-        prices = tuple(self._price * n_leaves(self.trees[one].tree) for one in self.entrants)
         self.rule = Ahead(
             looks=tuple(looks),
             errors=SURE,
             final=0.0,
             patient=True,
             rare_losses=False,
-            prices=prices,
+            prices=tuple(self._price * n_leaves(self.trees[one].tree) for one in self.entrants),
         )
         self.table = table
 

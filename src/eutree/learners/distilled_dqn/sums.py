@@ -125,8 +125,7 @@ def found_sums(labels: Labels, most: int) -> Sums:
             for weights in dict.fromkeys(map(_rounded, grown))
         }
         best = min(tried, key=lambda weights: float(tried[weights].mean()), default=None)
-        least = LEAST * float(labels.weights.mean())
-        if best is None or not _saves(losses, tried[best], least):
+        if best is None or not _saves(losses, tried[best], LEAST * float(labels.weights.mean())):
             break
         losses = tried[best]
         sums = Sums(np.vstack([sums.weights, best]))

@@ -43,10 +43,9 @@ def record_in_browser(
     """
 
     async def serve_page() -> None:
-        server = PageServer(
+        await PageServer(
             recorder, host=host, port=port, details=details, maker=maker, guide=guide
-        )
-        await server.run(on_ready)
+        ).run(on_ready)
 
     with _orderly_end():
         try:
