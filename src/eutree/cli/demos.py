@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import click
-import numpy as np
 
 from eutree.cli import _options as option
 from eutree.cli._output import Result, figures_of, say
@@ -350,11 +349,12 @@ def export(folder: Path, target: str) -> Result:
 
 def _gone(demonstrations: Demonstrations) -> list[str]:
     """Return what a table alone does not tell of features and actions."""
-    schema, taken = demonstrations.schema, [e.actions for e in demonstrations.episodes]
+    schema = demonstrations.schema
+    taken = {action for one in demonstrations.episodes for action in one.actions.tolist()}
     found = {
         "kinds of features": bool(kinds_of(schema)),
         "units that hold a bracket": any("]" in feature.unit for feature in schema.features),
-        "actions that were never taken": len(np.unique(np.concatenate(taken))) < schema.n_actions,
+        "actions that were never taken": len(taken) < schema.n_actions,
     }
     return [said for said, is_so in found.items() if is_so]
 
