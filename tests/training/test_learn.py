@@ -321,7 +321,7 @@ def test_the_tree_of_fit_is_handed_over_as_fit_makes_it():
     assert not result.against_fit.believed
     assert "this is the tree of fit" in result.against_fit.describe()
     assert (result.handed_over, result.is_start) == ("start", False)  # it said "learned"
-    assert "handed over: fit" in repr(result)
+    assert "handed over: start" in repr(result)
     assert result.policy == eutree.fit(late, episodes=0).policy
     assert result.policy.history == 1
 

@@ -15,16 +15,9 @@ from eutree.arrays import Booleans, Floats, plain
 from eutree.errors import InvalidArgumentError
 from eutree.evaluation import CurvePoint
 from eutree.interaction.episode import Stream
-from eutree.learners import History, Learner, Method, Problem, Start
+from eutree.learners import Decisions, History, Learner, Method, Problem, Start
 from eutree.learners.episode_buffer import transitions_of
-from eutree.learners.learner import (
-    GIVEN,
-    Decisions,
-    KnowsItsModel,
-    TriesTrees,
-    check_has_all,
-    own_code,
-)
+from eutree.learners.learner import GIVEN, KnowsItsModel, TriesTrees, check_has_all, own_code
 from eutree.policies import TreePolicy
 from eutree.policies.reach import among_allowed, ever_allowed, within_kinds, within_reach
 from eutree.policy_search.model_trust import ModelTrust
