@@ -246,7 +246,8 @@ def put(holder: Any, at: str, value: Any) -> None:
     try:
         setattr(owner, name, value)
     except AttributeError:
-        put(holder, place, getattr(owner, "_replace", partial(replace, owner))(**{name: value}))
+        replaced = getattr(owner, "_replace", partial(replace, owner))
+        put(holder, place, replaced(**{name: value}))
 
 
 _NOTHING = np.empty(0, dtype=np.int64)

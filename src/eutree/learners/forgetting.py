@@ -107,7 +107,8 @@ class RecentEpisodes:
         too_much = by_rank[np.cumsum(lengths[by_rank]) > room]
         if too_much.size:
             self.bounds[0] = min(int(self.bounds[0]), int(ranks[first[too_much[0]]]))
-        return np.repeat(recent | (ranks[first] < self.bounds[0]), lengths)
+        stay = recent | (ranks[first] < self.bounds[0])
+        return np.repeat(stay, lengths)
 
 
 Forgetting: TypeAlias = LeafReservoirs | RecentEpisodes

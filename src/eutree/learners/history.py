@@ -98,7 +98,8 @@ class LeafRows:
     def of(self, leaf: int) -> Integers:
         """Return the rows of a leaf, ascending."""
         rows = np.empty(self.lists.counts[leaf], dtype=np.int64)
-        _kernels.walk_list(int(self.lists.head[leaf]), self._columns.whole[self._link], rows)
+        link = self._columns.whole[self._link]
+        _kernels.walk_list(int(self.lists.head[leaf]), link, rows)
         return rows
 
     def relist(self, n_leaves: int) -> None:

@@ -162,7 +162,8 @@ def checked_document(chosen: Method) -> dict[str, Any]:
         InvalidArgumentError: It is none, or a run with it could not be resumed.
     """
     document = to_document(checked_method(chosen))
-    again = from_document(msgspec.json.decode(msgspec.json.encode(document)), kind=type(chosen))
+    encoded = msgspec.json.encode(document)
+    again = from_document(msgspec.json.decode(encoded), kind=type(chosen))
     if to_document(again) != document:
         raise InvalidArgumentError(
             f"method {chosen.name!r} must be made by its choices alone, got {shown(chosen)}, "
@@ -312,7 +313,8 @@ class Choice(NamedTuple):
 
 def choices_of(method: Method) -> list[Choice]:
     """Return all choices of a method, in the order of its fields."""
-    return list(_choices("", method, {k: v for k, v in to_document(method).items() if k != "name"}))
+    document = to_document(method)
+    return list(_choices("", method, {k: v for k, v in document.items() if k != "name"}))
 
 
 def with_choices(method: Method, changes: Mapping[str, Any]) -> Method:

@@ -58,19 +58,21 @@ def fit_expert_tree(
     weighed = check_vector("weights", given, size=demonstrations.n_transitions)
     if weights is not None:
         warn_of_light(weighed, check_kind("settings", settings, C45Settings).min_objects)
-    tree, actions = grow(
+    grown = grow(
         observations,
         actions_taught,
         n_classes=demonstrations.schema.n_actions,
         weights=weighed[taught_in(demonstrations) != CUT],
         settings=check_kind("settings", settings, C45Settings),
-    ).to_decision_tree()
+    )
+    tree, actions = grown.to_decision_tree()
     policy = within_kinds(
         TreePolicy(tree, actions, demonstrations.schema, demonstrations.environment)
     )
     allowed = allowed_in(demonstrations)
-    seen = demonstrations.observations
-    return policy if allowed is None else among_allowed(policy, seen, allowed)
+    if allowed is None:
+        return policy
+    return among_allowed(policy, demonstrations.observations, allowed)
 
 
 # The expert trees of release 8 come first. Its penalty for cuts of continuous attributes,

@@ -68,7 +68,8 @@ def _counted(data: Transitions, enough: int) -> tuple[Floats, TransitionCounts]:
     cells, state = np.unique(places, axis=0, return_inverse=True)
     before, after = state.reshape(2, -1)
     pair = before * data.n_actions + steps.actions
-    kept = (np.bincount(pair)[pair] >= enough) | (np.arange(pair.size) >= data.rewards.size)
+    n_tried = np.bincount(pair)[pair]
+    kept = (n_tried >= enough) | (np.arange(pair.size) >= data.rewards.size)
     after = np.where(steps.terminated, TERMINAL, after)
     columns = (column[kept] for column in (before, steps.actions, steps.rewards, after))
     return cells, TransitionCounts.of(*columns, n_states=len(cells), n_actions=data.n_actions)

@@ -145,7 +145,8 @@ def luckiest(
     if np.ptp(returns) == 0.0:
         return None
     most = int(generator.choice(np.argsort(-returns, kind="stable")[:LUCKY]))
-    return _grown(data, np.flatnonzero((np.cumsum(data.first) - 1) == most), max_leaves)
+    owner = np.cumsum(data.first) - 1
+    return _grown(data, np.flatnonzero(owner == most), max_leaves)
 
 
 def _grown(data: Transitions, rows: Integers, max_leaves: int) -> ActionTree:

@@ -166,7 +166,8 @@ class Improvement:
     def _deviations(self, rollouts: PairedRollouts) -> _Deviations:
         """Return the gains of single deviations at some steps of the policy's episodes."""
         n_steps = rollouts.n_steps
-        n = min(self.deviations * OTHERS // max(rollouts.n_actions - 1, OTHERS), n_steps)
+        others = max(rollouts.n_actions - 1, OTHERS)
+        n = min(self.deviations * OTHERS // others, n_steps)
         steps = np.sort(rollouts.generator.choice(n_steps, n, replace=False))
         gains = rollouts.deviations(steps) * (n_steps / n / rollouts.n_episodes)  # [n, A]
         return _Deviations(gains, rollouts.observations[steps], rollouts.node[steps])

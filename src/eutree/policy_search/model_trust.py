@@ -37,7 +37,8 @@ def rank_correlation(first: Floats, second: Floats) -> RankCorrelation:
     """Return the rank correlation of two vectors [n], ties at their mean rank."""
     if first.size < 3 or np.ptp(first) == 0.0 or np.ptp(second) == 0.0:
         return RankCorrelation(first.size, float("nan"), -1.0, 1.0)
-    return with_interval(float(np.corrcoef(ranks(first), ranks(second))[0, 1]), first.size)
+    value = float(np.corrcoef(ranks(first), ranks(second))[0, 1])
+    return with_interval(value, first.size)
 
 
 def with_interval(value: float, n: int) -> RankCorrelation:

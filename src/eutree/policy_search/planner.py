@@ -226,7 +226,8 @@ class Planner:
         lead = lead_apart(earned, shown)
         if not n or len(own) < _FEW_OWN or lead.mean <= _CLEARLY * lead.error:
             return plan
-        (world,) = _worlds(data.until(int(np.searchsorted(data.episodes, n))), (self.optimism,))
+        as_shown = data.until(int(np.searchsorted(data.episodes, n)))
+        (world,) = _worlds(as_shown, (self.optimism,))
         imagined = PairedRollouts(world, self.n_explorer_episodes, 1.0, generator)
         imagined.redraw()
         imagined.run(plan.incumbent)
@@ -281,7 +282,8 @@ class Planner:
         if not plan.knows_nothing:
             return ()
         own = tuple(n for n in plan.challenger_episodes[-self.memory :] if n >= begun)
-        return own if self._ahead(plan, own, data, AheadApart(enough=len(own) + 1)) else ()
+        clear = AheadApart(enough=len(own) + 1)
+        return own if self._ahead(plan, own, data, clear) else ()
 
     def _without_reckless(self, plan: Planned, begun: int, returns: Floats) -> Planned:
         """Return the plan without the challengers before the present one if they were reckless.

@@ -407,7 +407,8 @@ class Affine(Intervals):
         least = np.where(known, np.minimum(np.abs(self.low), np.abs(self.high)), 1.0)
         center = np.where(known, self.center, 1.0)
         found = self._curved(1.0 / center, -1.0 / (center * center), 2.0 / least**3)
-        return Affine(found.center, found.slope, np.where(known, found.error, np.inf), self.doubt)
+        unbounded = np.where(known, found.error, np.inf)
+        return Affine(found.center, found.slope, unbounded, self.doubt)
 
     def _curved(self, value: Floats, tangent: Floats, bend: Floats | float) -> "Affine":
         """Return a function with this value, tangent and most bend, to second order."""

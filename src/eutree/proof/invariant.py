@@ -109,7 +109,8 @@ def largest_invariant(acting: Acting, plant: Plant, keeps: Booleans, grid: State
         lasts.append(last)
         counts.append(count)
     begins = np.concatenate([[0], np.cumsum(np.concatenate(counts))])
-    strides = np.concatenate([np.cumprod(np.array(grid.shape)[:0:-1])[::-1], [1]])
+    shape = np.array(grid.shape)
+    strides = np.concatenate([np.cumprod(shape[:0:-1])[::-1], [1]])
     safe = keeps.copy()
     sweeps = _kernels.shrink(
         safe, np.concatenate(firsts), np.concatenate(lasts), begins.astype(np.int64), strides
@@ -153,7 +154,8 @@ def pictures_of_grid(plant: Plant, found: Invariant) -> tuple[Picture, ...]:
         n = worst.shape[axis]
         begins = np.unique(np.linspace(0, n, min(n, most), endpoint=False).astype(int))
         worst = np.maximum.reduceat(worst, begins, axis=axis)
-    low, high = zip(*[(float(edges[0]), float(edges[-1])) for edges in grid.edges[:2]], strict=True)
+    ends = [(float(edges[0]), float(edges[-1])) for edges in grid.edges[:2]]
+    low, high = zip(*ends, strict=True)
     legend = "Dark: cells with starts; light: others that are never left. Black: a start in a cell "
     legend += "that may be left."
     marks = np.array([EMPTY, KNOWN, KNOWN, OPEN])[worst]

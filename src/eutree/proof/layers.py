@@ -179,7 +179,8 @@ def _thresholds(bounds: Floats, plant: Plant) -> Floats:
 def _inverse(axes: Floats) -> Floats:
     """Return the inverse of a plant's axes."""
     back: Floats = np.linalg.inv(axes).astype(np.float64)
-    if ((_exact(axes) @ _exact(back)) != np.eye(len(axes), dtype=int)).any():
+    product = _exact(axes) @ _exact(back)
+    if (product != np.eye(len(axes), dtype=int)).any():
         raise InvalidArgumentError(
             f"axes of a plant must have an inverse in doubles, without rounding, got "
             f"{axes.tolist()}"

@@ -279,7 +279,8 @@ class MountainCar(Plant):
         velocity = velocity + (cos(3 * position) * -_CAR_GRAVITY + (action - 1) * _CAR_FORCE)
         velocity = clip(velocity, -_MOST_SPEED, _MOST_SPEED)
         position = clip(position + velocity, _LEFT_END, _RIGHT_END)
-        return position, where((position <= _LEFT_END) & (velocity < 0.0), 0.0, velocity)
+        stops = (position <= _LEFT_END) & (velocity < 0.0)
+        return position, where(stops, 0.0, velocity)
 
     def arrives(self, state: State) -> Truth:
         """Return whether the car is at the flag, and fast enough."""

@@ -219,7 +219,8 @@ class _Proof:
         acting = Acting(self._policy, plant)
         for refine in self._effort.refinements:
             grid = StateGrid.of(plant, refine)
-            keeps = (~self._broken(grid.boxes(np.arange(grid.n_cells)))).surely
+            every = grid.boxes(np.arange(grid.n_cells))
+            keeps = (~self._broken(every)).surely
             found = largest_invariant(acting, plant, keeps, grid)
             if not found.undecided:
                 break

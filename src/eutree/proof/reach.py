@@ -153,7 +153,8 @@ class _Boxes:
 
     @classmethod
     def joined(cls, parts: Sequence["_Boxes"]) -> "_Boxes":
-        return cls(*(np.concatenate([getattr(p, f.name) for p in parts], -1) for f in fields(cls)))
+        columns = (np.concatenate([getattr(p, f.name) for p in parts], -1) for f in fields(cls))
+        return cls(*columns)
 
     def __len__(self) -> int:
         return int(self.steps.size)
@@ -322,14 +323,16 @@ class Reach:
         """Return which pieces may be cut: they are wide enough, and have not branched."""
         width = boxes.start_high - boxes.start_low
         side = self._effort.smallest ** (1.0 / max(self._varies.sum(), 1))
-        return np.asarray((width > side * self._width[:, None]).any(axis=0) & (boxes.owner < 0))
+        wide = width > side * self._width[:, None]
+        return np.asarray(wide.any(axis=0) & (boxes.owner < 0))
 
     def _cut(self, boxes: _Boxes) -> None:
         """Let both halves of pieces begin again, cut across their widest number."""
         if not len(boxes):
             return
         known = np.where(self._width > 0, self._width, 1.0)
-        widest = ((boxes.start_high - boxes.start_low) / known[:, None]).argmax(axis=0)
+        width = (boxes.start_high - boxes.start_low) / known[:, None]
+        widest = width.argmax(axis=0)
         at = widest, np.arange(len(boxes))
         low, high = boxes.start_low.copy(), boxes.start_high.copy()
         high[at] = low[at] = middle(low[at], high[at])

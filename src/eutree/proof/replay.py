@@ -57,7 +57,8 @@ def replay(
     observation = plant.put(env, start)
     states, over = [plant.state_of(env)], False
     while not over and len(states) <= steps:
-        observation, _, over, _, _ = env.unwrapped.step(_chosen(policy, observation))
+        action = _chosen(policy, observation)
+        observation, _, over, _, _ = env.unwrapped.step(action)
         states.append(plant.state_of(env))
     if made is None:
         env.close()
@@ -65,7 +66,8 @@ def replay(
 
 
 def _chosen(policy: TreePolicy, observation: Any) -> int:
-    return policy.act(policy.derivation.behind(np.asarray(observation, dtype=np.float64)).tolist())
+    measured = np.asarray(observation, dtype=np.float64)
+    return policy.act(policy.derivation.behind(measured).tolist())
 
 
 def breaking_seed(
@@ -80,7 +82,8 @@ def breaking_seed(
             action = _chosen(policy, observation)
             observation, _, terminated, truncated, _ = env.step(action)
             over, steps = terminated or truncated, steps + 1
-            if broken([Intervals.of(x) for x in plant.state_of(env)[:, None]]).surely[0]:
+            state = [Intervals.of(x) for x in plant.state_of(env)[:, None]]
+            if broken(state).surely[0]:
                 return {"seed": seed, "steps": steps}
     return None
 
@@ -110,7 +113,8 @@ def check_plant(
         )
     env = plant.make()
     for _ in range(episodes):
-        plant.put(env, generator.uniform(*np.array(plant.start).T))
+        start = generator.uniform(*np.array(plant.start).T)
+        plant.put(env, start)
         _follow(plant, env, steps, generator)
     env.close()
 
@@ -136,7 +140,8 @@ def _follow(
                     f"plant must move as {plant.environment} does: after action {action} in "
                     f"{before.tolist()}, {name} is {now}, outside of [{box.low[0]}, {box.high[0]}]"
                 )
-        if plant.arrives([Intervals.of(np.array([x])) for x in after]).surely[0] and not over:
+        arrived = plant.arrives([Intervals.of(np.array([x])) for x in after])
+        if arrived.surely[0] and not over:
             raise InvalidArgumentError(
                 f"plant must end as {plant.environment} does: it says that {after.tolist()} has "
                 "arrived, where the environment goes on"
@@ -174,7 +179,8 @@ def _joined(low: Floats, high: Floats, along: int) -> tuple[Floats, Floats]:
     order = np.argsort(low[:, along], kind="stable")
     low, high = low[order], high[order]
     begins = np.concatenate([[True], low[1:, along] > high[:-1, along]])
-    return low[begins], high[np.concatenate([begins[1:], [True]])]
+    ends = np.concatenate([begins[1:], [True]])
+    return low[begins], high[ends]
 
 
 class BeginningThere(gymnasium.Wrapper[Any, Any, Any, Any]):
@@ -232,7 +238,8 @@ class BeginningThere(gymnasium.Wrapper[Any, Any, Any, Any]):
             self._generator = np.random.default_rng(seed)
         if self._generator.random() >= self._share:
             return observation, info
-        point = self._starts[int(self._generator.integers(len(self._starts)))].draw(self._generator)
+        starts = self._starts[int(self._generator.integers(len(self._starts)))]
+        point = starts.draw(self._generator)
         observation = self._plant.put(self.env, point)
         self.env.unwrapped.np_random = self._generator  # putting it there has used the same seed
         return observation, info

@@ -70,7 +70,8 @@ class RacedTree:
 
 def packed_raced(raced: Sequence[RacedTree]) -> dict[str, NDArray[Any]]:
     """Return raced trees as arrays."""
-    return packed_trees([one.tree for one in raced]) | {
+    trees = packed_trees([one.tree for one in raced])
+    return trees | {
         "origin": np.array([ORIGINS.index(one.origin) for one in raced], dtype=np.int64),
         "imagined": np.array([one.imagined for one in raced]),
         "n_returns": np.array([len(one.returns) for one in raced], dtype=np.int64),
@@ -80,13 +81,15 @@ def packed_raced(raced: Sequence[RacedTree]) -> dict[str, NDArray[Any]]:
 
 def unpacked_raced(state: Mapping[str, NDArray[Any]]) -> list[RacedTree]:
     """Return the raced trees that ``packed_raced`` made arrays of."""
+    ends = np.cumsum(state["n_returns"])[:-1]
+    returns = np.split(state["returns"], ends)
     return [
         RacedTree(tree, ORIGINS[origin], imagined, earned.tolist())
         for tree, origin, imagined, earned in zip(
             unpacked_trees(state),
             state["origin"].tolist(),
             state["imagined"].tolist(),
-            np.split(state["returns"], np.cumsum(state["n_returns"])[:-1]),
+            returns,
             strict=True,
         )
     ]
@@ -233,7 +236,8 @@ class ImaginedChallengers:
 
     def ensemble_of(self, state: Arrays) -> Ensemble:
         """Return the model whose ``state()`` this was."""
-        return Ensemble.from_state(state, self._settings, self._n_actions, self._derivation())
+        settings = self._settings, self._n_actions, self._derivation()
+        return Ensemble.from_state(state, *settings)
 
 
 SURE = 2.0  # standard errors that end a race, and that win where its proposals are not trusted
@@ -270,7 +274,9 @@ class Races:
     @property
     def running(self) -> ActionTree:
         """The tree that decides in the present episode."""
-        return self.policy if self._next is None else self.trees[self.entrants[self._next[0]]].tree
+        if self._next is None:
+            return self.policy
+        return self.trees[self.entrants[self._next[0]]].tree
 
     @property
     def is_run(self) -> bool:
@@ -350,13 +356,14 @@ class Races:
 
     def take_up(self, looks: Sequence[int], table: Table) -> None:
         """Let a race be under way."""
+        prices = tuple(self._price * n_leaves(self.trees[one].tree) for one in self.entrants)
         self.rule = Ahead(
             looks=tuple(looks),
             errors=SURE,
             final=0.0,
             patient=True,
             rare_losses=False,
-            prices=tuple(self._price * n_leaves(self.trees[one].tree) for one in self.entrants),
+            prices=prices,
         )
         self.table = table
 

@@ -174,8 +174,9 @@ def parts_of(start: Start, most_sums: int, model: EnsembleSettings) -> tuple[Par
     """Return the parts of a learner's state; a teacher that was given is given again."""
     teacher = () if start.teacher is not None else (_TEACHER,)
     raced = packed_trees_part(RACED_TREE, "T", "f"), _RACED_TREES
+    history = history_parts("_experience.history")
     return (
-        *history_parts("_experience.history"),
+        *history,
         sums_part(most_sums, model),
         *teacher,
         *raced,

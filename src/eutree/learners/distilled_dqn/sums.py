@@ -125,7 +125,8 @@ def found_sums(labels: Labels, most: int) -> Sums:
             for weights in dict.fromkeys(map(_rounded, grown))
         }
         best = min(tried, key=lambda weights: float(tried[weights].mean()), default=None)
-        if best is None or not _saves(losses, tried[best], LEAST * float(labels.weights.mean())):
+        least = LEAST * float(labels.weights.mean())
+        if best is None or not _saves(losses, tried[best], least):
             break
         losses = tried[best]
         sums = Sums(np.vstack([sums.weights, best]))

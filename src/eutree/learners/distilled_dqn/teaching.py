@@ -141,7 +141,8 @@ class Students:
         if allowed is None or allowed[action]:
             return action
         schema = Schema.anonymous(seen.size, self._n_actions)
-        return TreePolicy(*to_decision_tree(tree, seen.size), schema).act(seen.tolist(), allowed)
+        policy = TreePolicy(*to_decision_tree(tree, seen.size), schema)
+        return policy.act(seen.tolist(), allowed)
 
     def agree(self, tree: ActionTree, observations: Floats, actions: Int32s) -> bool:
         """Return whether a tree does just this at observations [T, d]."""

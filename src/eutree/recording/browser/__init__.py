@@ -43,9 +43,10 @@ def record_in_browser(
     """
 
     async def serve_page() -> None:
-        await PageServer(
+        server = PageServer(
             recorder, host=host, port=port, details=details, maker=maker, guide=guide
-        ).run(on_ready)
+        )
+        await server.run(on_ready)
 
     with _orderly_end():
         try:

@@ -215,7 +215,8 @@ class PageServer:
         if path == STATUS_PATH:
             return _response(HTTPStatus.OK, (FULL if is_full else READY).encode())
         if path == SOCKET_PATH:
-            return _response(HTTPStatus.SERVICE_UNAVAILABLE, b"too many pages") if is_full else None
+            full = HTTPStatus.SERVICE_UNAVAILABLE
+            return _response(full, b"too many pages") if is_full else None
         found = page(path, hosts[0])
         if found is None:
             return _response(HTTPStatus.NOT_FOUND, b"not found")
@@ -299,7 +300,8 @@ class PageServer:
             if message.sequence != viewer.sequence + 1:
                 raise InvalidArgumentError("a key is missing")
             viewer.sequence = self._sequence = message.sequence
-            self._add((KeyDown if message.down else KeyUp)(message.key, message.frame))
+            kind = KeyDown if message.down else KeyUp
+            self._add(kind(message.key, message.frame))
         elif isinstance(message, Gone):
             self._add(Away(HIDDEN))
         elif isinstance(message, Command):

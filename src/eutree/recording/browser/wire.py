@@ -211,7 +211,9 @@ class Gate:
             return HTTPStatus.FORBIDDEN
         if path != SOCKET_PATH:
             return None
-        return HTTPStatus.FORBIDDEN if len(origins) != 1 or not self._has_token(protocols) else None
+        if len(origins) != 1 or not self._has_token(protocols):
+            return HTTPStatus.FORBIDDEN
+        return None
 
     def knows(self, host: str) -> bool:
         """Return whether a Host header names this server."""
