@@ -2,6 +2,8 @@
 
 import asyncio
 import threading
+import time
+from contextlib import closing
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -122,6 +124,30 @@ def test_a_wish_right_after_the_last_tree_is_taken_up(tmp_path, monkeypatch) -> 
     monkeypatch.setattr("eutree.recording.browser.server.threading", slow)
     asyncio.run(press("hurting", "without", "undo"))
     assert maker.calls == ["look", "make_without", "undo"]
+
+
+def test_a_tree_is_shown_when_its_maker_takes_the_next_wish(tmp_path, monkeypatch) -> None:
+    """An answer to it was dropped where the machine was slow to end the work."""
+    seen = []
+
+    class Slow(ScriptedMaker):
+        def make_without(self, show, stop):
+            super().make_without(show, stop)
+            time.sleep(0.2)
+
+    async def press():
+        with closing(Recorder(Corridor(), tmp_path / "demos")) as recorder:
+            server, wishes = PageServer(recorder, maker=Slow()), recorder.session.wishes
+            monkeypatch.setattr(
+                server, "show_tree", lambda view, _: seen.append((view.phase, wishes.is_busy))
+            )
+            for wish in ("hurting", "without"):
+                server._begin_work(wish)
+                while wishes.is_busy:
+                    await asyncio.sleep(0.01)
+
+    asyncio.run(press())
+    assert seen == [("fitting", True), ("ready", False), ("ready", False)]
 
 
 def test_to_show_again_begins_where_the_segment_does(person) -> None:

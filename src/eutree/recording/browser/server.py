@@ -36,7 +36,7 @@ from eutree.recording.browser.wire import (
 from eutree.recording.events import Away, Command, Event, KeyDown, KeyUp, Present, Seen
 from eutree.recording.recorder import Recorder
 from eutree.recording.scenes import Programme
-from eutree.recording.tree_making import FAILED, FITTING, Guide, TreeMaker, TreeView
+from eutree.recording.tree_making import FAILED, FITTING, READY, Guide, TreeMaker, TreeView
 
 if TYPE_CHECKING:
     from websockets.asyncio.server import Server, ServerConnection
@@ -52,7 +52,7 @@ IDLE_SECONDS = 0.1  # between two ticks of a session that waits for nothing
 # to the end of its socket: each takes three.
 TURNS = 6
 STATUS_PATH = "/status"  # asked by a page whose socket was refused
-FULL, READY = "full", "ready"
+FULL, FREE = "full", "ready"
 
 UNOPENED = "No page is open."
 LEFT = "The page was closed or the connection was lost."
@@ -213,7 +213,7 @@ class PageServer:
             return _response(refused, refused.phrase.encode())
         is_full = self._n_sockets >= MAX_SOCKETS
         if path == STATUS_PATH:
-            return _response(HTTPStatus.OK, (FULL if is_full else READY).encode())
+            return _response(HTTPStatus.OK, (FULL if is_full else FREE).encode())
         if path == SOCKET_PATH:
             full = HTTPStatus.SERVICE_UNAVAILABLE
             return _response(full, b"too many pages") if is_full else None
@@ -360,11 +360,26 @@ class PageServer:
         maker, wishes = self._maker, self.recorder.session.wishes
         if not wish or maker is None or wishes.is_busy:
             return
-        loop, way = asyncio.get_running_loop(), wishes.way
+        loop, way, is_over = asyncio.get_running_loop(), wishes.way, False
+        # Shown once the work is over: people answer at once, and what they wish before is dropped.
+        made: tuple[TreeView, Programme | None] | None = None
+
+        def in_the_loop(call: Callable[..., None], *arguments: object) -> None:
+            with suppress(RuntimeError):  # the loop is closed: nobody looks any more
+                loop.call_soon_threadsafe(call, *arguments)
 
         def show(view: TreeView, programme: Programme | None = None) -> None:
-            with suppress(RuntimeError):  # the loop is closed: nobody looks any more
-                loop.call_soon_threadsafe(self.show_tree, view, programme)
+            nonlocal made
+            if view.phase in (READY, FAILED) and not is_over:
+                made = view, programme
+            else:
+                in_the_loop(self.show_tree, view, programme)
+
+        def end() -> None:
+            nonlocal is_over
+            is_over, wishes.is_busy = True, False
+            if made is not None:
+                self.show_tree(*made)
 
         def run() -> None:
             try:
@@ -380,7 +395,7 @@ class PageServer:
                 kind = "" if isinstance(error, EutreeError) else f"{type(error).__name__}: "
                 show(TreeView(phase=FAILED, message=f"{kind}{error}"))
             finally:
-                wishes.is_busy = False
+                in_the_loop(end)
 
         wishes.is_busy = True
         if wish in ("make", "practise"):
