@@ -235,7 +235,6 @@ class _Grower:
         return level, children
 
     def _choose(self, distribution: Floats) -> _kernels.Chosen:
-        """Return the test of each node."""
         training, n = self.training, len(distribution)
         chosen = _kernels.Chosen(np.empty(n, dtype=np.int32), np.full((n, 2), np.nan))
         _kernels.choose_tests(
@@ -341,7 +340,6 @@ def _rules(settings: C45Settings) -> _kernels.Rules:
 
 
 def _leaves(distribution: Floats) -> Nodes:
-    """Return nodes with the given classes that are all leaves."""
     n = len(distribution)
     feature, first_child = (np.full(n, -1, dtype=np.int32) for _ in range(2))
     n_children = np.zeros(n, dtype=np.int32)

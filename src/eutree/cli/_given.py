@@ -143,7 +143,6 @@ def _given(command: click.Command, context: click.Context, args: list[str]) -> A
 
 
 def _was_begun(out: Path) -> bool:
-    """Return whether a folder holds a run, or several."""
     return any((out / name).exists() for name in (KEPT, "config.json", "runs"))
 
 

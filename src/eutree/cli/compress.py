@@ -298,7 +298,6 @@ def _where_trees_play(
 
 
 def _played(rounding: "RoundingPlayed") -> str:
-    """Return the change of the return by rounding, in words."""
     if not rounding.different:
         return f"rounded, it earned the same in each of {rounding.episodes} episodes"
     digits = fixed(2, [rounding.exact, rounding.rounded])

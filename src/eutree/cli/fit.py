@@ -288,7 +288,6 @@ def distill(
 
 
 def _teacher(spec: EnvironmentSpec, expert: str | None, policy: Path | None) -> Controller:
-    """Return the scripted expert or the policy that was named."""
     if expert is not None and policy is None:
         return controller(expert, "--expert", spec)
     if policy is None or expert is not None:

@@ -79,7 +79,6 @@ def demo(
 
 
 def _story(result: "DemoResult") -> "Group":
-    """Return the whole story on one screen."""
     from rich.console import Group
     from rich.table import Table
     from rich.text import Text

@@ -220,7 +220,6 @@ def _named(result: "_Result", rival: str | None) -> "_Result":
 
 
 def _teacher(name: str | None, steps: int | None, spec: EnvironmentSpec | None) -> "Teacher | None":
-    """Return the policy file or the scripted expert that was named as teacher."""
     from eutree.training import Teacher
 
     if name is None:

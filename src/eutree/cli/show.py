@@ -260,7 +260,6 @@ def _with_certificate(
 
 
 def _format_of(out: Path | None) -> str:
-    """Return the format that a file's suffix names."""
     for entry in FORMATS.values():
         if out is not None and out.suffix == entry.suffix:
             return entry.name

@@ -16,8 +16,9 @@ import gymnasium
 import numpy as np
 
 from eutree.arrays import Booleans, Floats, Integers
+from eutree.evaluation import Evaluation
 from eutree.evaluation.evaluate import run_batch, same_parameters, vector_form
-from eutree.evaluation.evaluation import Earned, known_successes
+from eutree.evaluation.evaluation import Earned
 from eutree.interaction import episode_seed
 from eutree.interaction.episode import RunPairs, Stream, run_pairs
 from eutree.interaction.making import Recipe
@@ -157,16 +158,13 @@ class Ground:
             episodes = run_pairs(self.env, pairs)
         else:
             episodes = RunPairs(self.recipe).over(Workers(self.n_jobs), pairs, 256)
-        successes = [one.is_success for one in episodes]
+        found = Evaluation.of(episodes)
         features = [
             tree.features.of_episode(one.observations, one.actions)[:-1]
             for (tree, _), one in zip(pairs, episodes, strict=True)
         ]
         return (
-            Outcome(
-                np.array([one.undiscounted_return for one in episodes]),
-                known_successes(successes),
-            ),
+            Outcome(found.returns, found.successes),
             _Traces(
                 np.concatenate(features),
                 np.concatenate([one.actions for one in episodes]),

@@ -169,7 +169,6 @@ class SmallestWithin:
 
 
 def _standard_error(returns: Table) -> float:
-    """Return the standard error of a mean of returns [n]."""
     return float(returns.std(ddof=1)) / math.sqrt(returns.size)
 
 

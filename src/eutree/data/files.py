@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from eutree.data.episode import Episode
-from eutree.data.journal import EpisodeJournal, is_running, recover_episode
+from eutree.data.journal import EpisodeJournal, recover_episode
 from eutree.errors import FileError, FormatError, InvalidArgumentError, blamed
 from eutree.files import Document, atomic, read_document
 from eutree.files.arrays import MAX_ARCHIVE, decode_archive, encode_archive
@@ -288,7 +288,7 @@ class DemonstrationFolder:
 
     def _abandoned(self) -> list[int]:
         """Return the numbers of the journals of dead recorders."""
-        return [n for n in self._numbers("journal") if not is_running(self._journal_path(n))]
+        return [n for n in self._numbers("journal") if not atomic.is_locked(self._journal_path(n))]
 
     def _journal_path(self, number: int) -> Path:
         return self.path / f"episode-{number:05d}.journal"

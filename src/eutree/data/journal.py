@@ -191,11 +191,6 @@ class EpisodeJournal:
                 atomic.sync(self._descriptor)
 
 
-def is_running(path: str | Path) -> bool:
-    """Return whether a process is still writing the journal."""
-    return atomic.is_locked(path)
-
-
 def recover_episode(path: str | Path) -> Episode | None:
     """Return the episode in a journal, ending ``"interrupted"``; None if it has no step.
 

@@ -80,10 +80,7 @@ class LogFormat:
         """
         if not found:
             raise InvalidArgumentError("the file is empty: the first line must name the columns")
-        for name in own.values():
-            if name not in found:
-                raise InvalidArgumentError(f"there is no column {name!r} in {found}")
-        for name in filter(None, (*self.drop, *self.nominal, self.time)):
+        for name in (*own.values(), *filter(None, (*self.drop, *self.nominal, self.time))):
             if name not in found:
                 raise InvalidArgumentError(f"there is no column {name!r} in {found}")
         known = {theirs: name for name, theirs in own.items()}

@@ -235,7 +235,6 @@ def _episode(data: Any, note: dict[str, Any], first_action: int, name: str) -> E
 
 
 def _buffer(number: int, episode: Episode) -> Any:
-    """Return the episode as Minari takes it."""
     buffer = import_module("minari.data_collector.episode_buffer").EpisodeBuffer
     last = np.arange(len(episode)) == len(episode) - 1
     fits = episode.seed is not None and episode.seed < 2**63

@@ -147,7 +147,6 @@ def _fresh_folder(path: Path) -> Path:
 
 
 def _demonstrate(settings: DemoSettings, name: str, folder: Path, say: Say) -> Demonstrations:
-    """Record the demonstrations."""
     expert = experts_for(settings.environment.id)[name]
     say(f"the scripted demonstrator {name!r} shows {settings.environment}")
     with closing(make(settings.environment)) as env:

@@ -267,7 +267,6 @@ def _figures(evaluation: Evaluation) -> tuple[str, str]:
 
 
 def _stages(result: DemoResult) -> list[Headline]:
-    """Return the story's figures in its order."""
     shown, story, runs = result.demonstrations, result.settings.story, result.runs
     before, learned, after = result.evaluations.values()
     leaves = counted(next(iter(result.policies.values())).n_leaves, "leaf")
@@ -311,7 +310,6 @@ def _name(run: FinishedRun, chosen: bool) -> str:
 
 
 def _runs(result: DemoResult) -> Table:
-    """Return every run as a row."""
     runs = result.runs
     success = all(run.selection.success_rate is not None for run in runs.runs)
     rows = []
@@ -328,7 +326,6 @@ def _runs(result: DemoResult) -> Table:
 
 
 def _trees(result: DemoResult) -> Table:
-    """Return every tree as a row."""
     before = next(iter(result.evaluations.values()))
     success = before.success_rate is not None
     rows = [

@@ -7,8 +7,8 @@ bits, an absent success rate as an empty field.
 import csv
 import io
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import astuple, dataclass, fields
 from typing import Any
 
 import msgspec
@@ -49,10 +49,16 @@ COLUMNS = tuple(field.name for field in fields(CurvePoint))
 
 def curve_to_csv(points: Sequence[CurvePoint]) -> str:
     """Return a learning curve as CSV text, one point a line."""
-    lines = [",".join(COLUMNS)]
-    for point in points:
-        lines.append(",".join(_text(getattr(point, name)) for name in COLUMNS))
-    return "\n".join(lines) + "\n"
+    return table_to_csv(COLUMNS, map(astuple, points))
+
+
+def table_to_csv(columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
+    """Return a table as CSV text; what is None is an empty field."""
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(columns)
+    table.writerows(rows)
+    return text.getvalue()
 
 
 def curve_to_pandas(points: Sequence[CurvePoint]) -> Any:
@@ -83,12 +89,6 @@ def curves_to_pandas(curves: Mapping[int | None, Sequence[CurvePoint]]) -> Any:
         for name, kind in kinds.items()
     }
     return data_frame(columns, index=index)
-
-
-def _text(value: float | None) -> str:
-    if value is None:
-        return ""
-    return repr(float(value)) if isinstance(value, float) else str(value)
 
 
 def curve_from_csv(text: str, *, path: str = "curve") -> tuple[CurvePoint, ...]:

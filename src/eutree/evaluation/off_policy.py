@@ -205,7 +205,6 @@ class Judge:
         return gain.mean - gain.error
 
     def _condition(self, found: Gains) -> str:
-        """Return the assumption of a bound."""
         if not found.whole:
             return (
                 "if single deviations add up, and no episode speaks against it more strongly than "

@@ -150,13 +150,11 @@ def _declarations(
 
 
 def _enumerators(policy: TreePolicy, name: str) -> list[str]:
-    """Return the enumeration constant of each action."""
     found = code.action_identifiers(policy.schema, reserved=("h",))
     return [f"{name}_{action}".upper() for action in found]
 
 
 def _function(policy: TreePolicy, name: str, kind: Numbers, root: int) -> list[str]:
-    """Return the function of one block of the tree."""
     tree, constants = policy.tree, _enumerators(policy, name)
 
     def test(node: int) -> str:
@@ -379,7 +377,6 @@ def to_c_test(
 
 
 def _decided(policy: TreePolicy, rows: list[list[float]]) -> list[int]:
-    """Return the actions at the steps of one episode."""
     state, actions = None, []
     for row in rows:
         if policy.schema.derived:

@@ -81,7 +81,6 @@ def _ensemble(policy: TreePolicy) -> dict[str, Any]:
 
 
 def _metadata(policy: TreePolicy) -> dict[str, str]:
-    """Return names and units as JSON texts."""
     features, controls = policy.schema.features, policy.schema.controls
     return {
         "features": json.dumps([feature.name for feature in features]),
@@ -93,7 +92,6 @@ def _metadata(policy: TreePolicy) -> dict[str, str]:
 
 
 def _onnx() -> ModuleType:
-    """Import onnx, or say how to install it."""
     with needed("onnx", "onnx"):
         import onnx
         import onnx.checker

@@ -52,12 +52,10 @@ def to_python(policy: TreePolicy, *, name: str = "decide") -> str:
 
 
 def _table(title: str, names: list[str]) -> list[str]:
-    """Return a constant tuple of strings."""
     return [f"{title} = (", *(f"    {name!a}," for name in names), ")"]
 
 
 def _function(policy: TreePolicy, name: str, root: int) -> list[str]:
-    """Return the function of one block."""
     tree, schema = policy.tree, policy.schema
 
     def test(node: int) -> str:

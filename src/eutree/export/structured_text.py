@@ -60,7 +60,6 @@ def _parts(policy: TreePolicy, name: str) -> set[str]:
 
 
 def _function(policy: TreePolicy, name: str, inputs: list[str], root: int) -> list[str]:
-    """Return the FUNCTION of one block of the tree."""
     tree, schema = policy.tree, policy.schema
     title = name if root == 0 else f"{name}_block{root}"
     if root == 0 and text.derived_features(tree, schema):
@@ -89,7 +88,6 @@ def _function(policy: TreePolicy, name: str, inputs: list[str], root: int) -> li
 
 
 def _inputs(policy: TreePolicy, inputs: list[str]) -> list[str]:
-    """Return the declaration of the features."""
     variables = [
         f"    {variable} : LREAL; (* {text.labelled(feature)}{text.meaning(feature)} *)"
         for variable, feature in zip(inputs, policy.schema.features, strict=False)
@@ -133,7 +131,6 @@ def _entry(policy: TreePolicy, name: str, inputs: list[str]) -> list[str]:
 
 
 def _values(policy: TreePolicy, name: str, inputs: list[str]) -> list[str]:
-    """Return the FUNCTION of each control."""
     schema = policy.schema
     names = code.control_identifiers(schema, reserved=frozenset(_parts(policy, name)))
     # A FUNCTION and a variable in it must not have the same name.

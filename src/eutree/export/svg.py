@@ -67,7 +67,6 @@ def to_svg(policy: TreePolicy, *, standalone: bool = True) -> str:
 
 
 def _label(policy: TreePolicy, node: int, digits: Digits) -> str:
-    """Return the short words on a node."""
     tree = policy.tree
     if tree.feature[node] == tree.NO_FEATURE:
         return _shortened(words_of_leaf(policy, node))

@@ -6,6 +6,7 @@ the seconds that hurt: a strip for each episode.
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -148,11 +149,7 @@ def _title(one: "Hurt", episodes: int, names: tuple[str, ...]) -> str:
 
 def _strip(shown: Demonstrations, place: int, number: int, marked: list[Segment]) -> StripView:
     actions = shown.episodes[place].actions
-    ends = [*(np.flatnonzero(np.diff(actions)) + 1).tolist(), len(actions)]
-    runs = [
-        (int(actions[end - 1]), end - start)
-        for start, end in zip([0, *ends[:-1]], ends, strict=True)
-    ]
+    runs = [(action, len(list(steps))) for action, steps in groupby(actions.tolist())]
     names = [printable(name) for name in shown.schema.actions]
     course = ", ".join(f"{names[action]} {length}" for action, length in runs)
     which = "; ".join(part.words(shown.schema, None) for part in marked)

@@ -160,7 +160,6 @@ def enforce(policy: TreePolicy, properties: str | Iterable[str]) -> Edited:
 
 
 def _action(policy: TreePolicy, rule: Property) -> int:
-    """Return the action that a rule asks for."""
     others = frozenset(range(policy.schema.n_actions)) - rule.actions
     left = {"always": rule.actions, "never": others}.get(rule.kind, frozenset())
     if len(left) == 1:

@@ -309,7 +309,6 @@ def _action_names(
 
 # The annotation is text: `spaces.Tuple` is not generic in the oldest Gymnasium that is allowed.
 def _parts(space: "spaces.Dict | spaces.Tuple[Any]") -> list[tuple[str, spaces.Space[Any]]]:
-    """Return the parts of a space with their names."""
     items = space.spaces.items() if isinstance(space, spaces.Dict) else enumerate(space.spaces)
     return [(key if isinstance(key, str) else f"x{key}", part) for key, part in items]
 

@@ -365,17 +365,14 @@ def action_tree_part(prefix: str, at: str = "", *, optional: bool = False) -> Pa
     return Part(_action_tree_arrays(prefix), is_tree, optional, at, prefix, *ways)
 
 
-def packed_trees_part(prefix: str, n_trees: Size, features: str = "d") -> Part:
-    """Return the arrays of trees of actions one after the other, under names with a prefix.
-
-    ``features`` is the axis of what their tests ask for.
-    """
+def packed_trees_part(prefix: str, n_trees: Size) -> Part:
+    """Return the arrays of trees over features ``f``, one after the other, after a prefix."""
 
     def are_trees(found: Found) -> None:
         sizes = found.state[f"{prefix}n_nodes"].tolist()
         if not sizes or sum(sizes) != found.sizes[f"{prefix}nodes"]:
             raise found.refuse(f"{prefix}n_nodes", "must be the nodes of at least one tree")
-        check_action_trees(found, prefix, sizes, features)
+        check_action_trees(found, prefix, sizes, "f")
 
     n_nodes = Stored("i8", (n_trees,), low=1, most=f"{prefix}nodes")
     return Part(_action_tree_arrays(prefix) | {f"{prefix}n_nodes": n_nodes}, are_trees)

@@ -377,5 +377,4 @@ class History:
 
 
 def _stored_rows(columns: Columns) -> _kernels.StoredRows:
-    """Return the columns together, as the kernel takes them."""
     return _kernels.StoredRows(*(columns.whole[name] for name in _kernels.StoredRows._fields))

@@ -247,7 +247,6 @@ class TransitionCounts:
         self.arrays = self.arrays._replace(pool=larger)
 
     def _row(self, row: int) -> tuple[Int32s, Int32s]:
-        """Return the keys and counts of one row of the table."""
         start, size, _ = self.arrays.table[row].tolist()
         entries = self.arrays.pool[start : start + size]
         return entries[:, _kernels.KEY].copy(), entries[:, _kernels.COUNT].copy()

@@ -64,14 +64,10 @@ class Improvement:
     def improve(
         self, rollouts: PairedRollouts, policy: ActionTree, scale: float, *, begin: bool = False
     ) -> ActionTree:
-        """Return a policy that earns more or is smaller.
+        """Return a policy that earns more or is smaller; the rollouts end with it run.
 
-        Args:
-            rollouts: Where to run rollouts; they end with the result run.
-            policy: The policy to start from.
-            scale: A typical size of returns.
-            begin: Whether no policy is known yet but a single action: then boxes are also tried
-                where fewer deviations pay, and each of them more.
+        ``scale`` is a typical size of returns. ``begin`` says that no policy is known yet but a
+        single action: then boxes are also tried where fewer deviations pay, and each of them more.
         """
         price = self.price * scale
         for _ in range(self.rounds):

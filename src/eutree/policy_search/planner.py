@@ -161,7 +161,6 @@ class Planner:
         return known < self.incumbent_first and known <= len(plan.challenger_episodes)
 
     def _evidence(self, plan: Planned) -> tuple[int, ...]:
-        """Return the episodes that are evidence on the incumbent."""
         return plan.incumbent_episodes if self.trust_demonstrations else plan.own_episodes
 
     def due(self, plan: Planned, n_seen: int) -> bool:
@@ -177,11 +176,7 @@ class Planner:
     ) -> Planned:
         """Return the next plan: adopt the challenger or not, then plan both trees.
 
-        Args:
-            plan: The plan so far.
-            data: All transitions that are remembered.
-            generator: Source of all chance.
-            n_seen: How many there were ever; None if none are forgotten.
+        ``n_seen`` is how many transitions there were ever; None if all are remembered.
         """
         n_new = (len(data.episodes) if n_seen is None else n_seen) - plan.planned_at
         plan = self._without_invalid(plan, data, generator)

@@ -265,7 +265,6 @@ def _picture(document: PictureDocument, place: str, path: str | Path) -> Picture
 
 
 def _table(rows: Sequence[Sequence[float]], place: str, path: str | Path) -> Floats:
-    """Return rows of one length as an array."""
     try:
         return np.array(rows, dtype=np.float64)
     except ValueError:

@@ -133,7 +133,6 @@ def _moves(
 
 
 def _starting(plant: Plant, grid: StateGrid) -> Booleans:
-    """Return which cells hold a start."""
     box = [Intervals(np.array([low]), np.array([high])) for low, high in plant.start]
     first, last = grid.range(box)
     if (first < 0).any():

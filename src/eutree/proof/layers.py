@@ -177,7 +177,6 @@ def _thresholds(bounds: Floats, plant: Plant) -> Floats:
 
 
 def _inverse(axes: Floats) -> Floats:
-    """Return the inverse of a plant's axes."""
     back: Floats = np.linalg.inv(axes).astype(np.float64)
     product = _exact(axes) @ _exact(back)
     if (product != np.eye(len(axes), dtype=int)).any():
@@ -189,7 +188,6 @@ def _inverse(axes: Floats) -> Floats:
 
 
 def _exact(numbers: Floats) -> Any:
-    """Return numbers as fractions."""
     return np.vectorize(Fraction, otypes=[object])(numbers)
 
 

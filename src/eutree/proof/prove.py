@@ -121,7 +121,6 @@ def _of_return(found: Certificate, asked: EpisodeProperty, plant: Plant) -> Cert
 
 
 def _said(verdict: str, statement: str) -> str:
-    """Return a statement as it was found to be."""
     words = {PROVEN: "{}", REFUTED: "it is not true that {}", UNDECIDED: "whether {} is open"}
     return words[verdict].format(statement)
 

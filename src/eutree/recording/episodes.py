@@ -180,12 +180,7 @@ class Recording:
         self.start, self._chosen = max(self.start, self._free_start()), chosen
 
     def begin(self, extras: dict[str, Any], held: Sequence[str]) -> Trial:
-        """Reset the environment for an episode.
-
-        Args:
-            extras: Facts about the episode.
-            held: Keys held at its beginning.
-        """
+        """Reset the environment for an episode, of which facts and the keys held are known."""
         observation = self._env.reset(self._seed())
         if self._chosen is not None:
             extras = {**extras, "chosen_start": True}

@@ -110,8 +110,6 @@ class Play:
         countdown: Seconds before an episode; a third of it when it goes on after a pause.
 
     Attributes:
-        controls: The keys of the person, and their pace.
-        pictures: The pictures that the person sees.
         state: One of the states above.
         message: The message to the person.
         trial: The episode; an unused one before the first.
@@ -268,7 +266,6 @@ class Play:
         }
 
     def _play(self, now: float) -> None:
-        """Begin to play, or go on."""
         self.state = PLAYING
         self.pictures.wait_from(now)
         if not self._fresh or self.controls.pace.turn_based:

@@ -231,12 +231,7 @@ def scenes(
 ) -> Programme:
     """Return the scenes of a tree that has played episodes, worst first, failures explained.
 
-    Args:
-        policy: The tree that has played.
-        seeds: Seeds of the episodes, [E].
-        returns: Their returns, [E].
-        successes: Whether each one succeeded, [E]; None if that is not reported.
-        env: Where they are played again to explain them.
+    Seeds, returns and successes (None if not reported) are those of its episodes, [E] each.
     """
     chosen, n_failed = worst_first(returns, successes)
     found = [Scene(seeds[k]) for k in chosen]

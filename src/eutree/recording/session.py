@@ -180,7 +180,6 @@ class Session:
         self.play.state, self.play.message = FAILED, reason
 
     def _take(self, event: Event, now: float) -> None:
-        """Take in one thing that happened."""
         if self.is_over:
             return
         if isinstance(event, KeyDown):
@@ -276,23 +275,20 @@ class Session:
             self._begin(now)  # also when the target is reached: one more
 
     def _obey_redo(self, now: float) -> None:
-        recording = self.recording
-        start = recording.start  # it is advanced when an episode is kept
-        if self.play.is_running:
-            self._stop(now, kept=False, comment="redone")
-        elif self.state in (PLAYING, REVIEW) and recording.last is not None:
-            recording.mark(recording.last, kept=False, comment="redone")
-            start -= 1
-        else:
-            return
-        recording.start = start
-        self._begin(now, again=True)
+        # The start is advanced when an episode is kept.
+        start = self.recording.start - (not self.play.is_running)
+        if self._obey_discard(now, "redone"):
+            self.recording.start = start
+            self._begin(now, again=True)
 
-    def _obey_discard(self, now: float) -> None:
+    def _obey_discard(self, now: float, comment: str = "discarded") -> bool:
         if self.play.is_running:
-            self._stop(now, kept=False, comment="discarded")
+            self._stop(now, kept=False, comment=comment)
         elif self.state in (PLAYING, REVIEW) and self.recording.last is not None:
-            self.recording.mark(self.recording.last, kept=False, comment="discarded")
+            self.recording.mark(self.recording.last, kept=False, comment=comment)
+        else:
+            return False
+        return True
 
     def _obey_finish(self, now: float) -> None:
         if self.play.is_on:
@@ -317,7 +313,6 @@ class Session:
         self.play.count_in(now)
 
     def _stop(self, now: float, *, kept: bool, comment: str = "") -> None:
-        """End the running episode, by the person's wish."""
         if not self.play.trial.is_over:
             self.recording.stop(self.play.trial, kept=kept, comment=comment)
             if not self.play.trial.n_steps:

@@ -178,7 +178,6 @@ def _head(demonstrations: Demonstrations, title: str, figures: DemonstrationFigu
 
 
 def _episodes(demonstrations: Demonstrations, numbers: Sequence[int]) -> str:
-    """Return a card for each episode."""
     schema = demonstrations.schema
     seen = [episode.observations for episode in demonstrations.episodes]
     ends = [_ends(np.concatenate(seen)[:, group]) for group in panels(schema)] if seen else []
@@ -209,7 +208,6 @@ def _ends(values: Floats) -> tuple[float, float]:
 def _card(
     episode: Episode, number: int, schema: Schema, ends: Sequence[tuple[float, float]]
 ) -> str:
-    """Return one episode: its result, and its course."""
     result = episode.ending or "no ending recorded"
     badges = [] if episode.kept else [episode.comment or "discarded"]
     if episode.kept and episode.comment:

@@ -117,7 +117,6 @@ def policy_verdict(
 
 
 def _leaves(policy: TreePolicy, episode: Episode) -> list[int]:
-    """Return the leaf of each decision of an episode."""
     found: list[int] = policy.tree.leaf_index(policy_features(policy, episode)[:-1]).tolist()
     return found
 

@@ -96,7 +96,6 @@ def _report(path: Path, config: Event, events: Sequence[Event]) -> RunReport:
 
 
 def _last(events: Sequence[Event], kind: str) -> Event | None:
-    """Return the last event of a kind; None if there was none."""
     return next((event for event in reversed(events) if event["event"] == kind), None)
 
 
@@ -166,7 +165,6 @@ def _trust(events: Sequence[Event]) -> ModelTrust | None:
 
 
 def _races(events: Sequence[Event]) -> list[tuple[str, ...]]:
-    """Return a row for each tree in each race."""
     episodes: dict[tuple[int, int], list[Event]] = {}
     winners: dict[int, Event] = {}
     for event in events:
@@ -188,7 +186,6 @@ def _races(events: Sequence[Event]) -> list[tuple[str, ...]]:
 
 
 def _fate(entrant: int, end: Mapping[str, Any] | None) -> str:
-    """Return the outcome of a race for a tree."""
     if end is None:
         return ""
     winner = end.get("winner")

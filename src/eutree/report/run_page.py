@@ -165,7 +165,6 @@ def _section(title: str, content: str, name: str = "") -> str:
 
 
 def _stages(stages: Sequence[Headline]) -> str:
-    """Return the large figures, side by side."""
     entries = "".join(
         f"<li><h2>{escape(stage.label)}</h2>"
         f'<p class="figure">{escape(stage.figure)} '
@@ -243,7 +242,6 @@ def _table(table: Table) -> str:
 
 
 def _folds(report: RunReport) -> str:
-    """Return the further trees and texts, folded."""
     folds = [
         _fold(
             f"{name}: {counted(policy.n_leaves, 'leaf')}",

@@ -198,5 +198,4 @@ def _rounded(matrix: Floats, digits: int = SHORT) -> list[list[float | None]]:
 
 
 def _finite(value: float) -> float | None:
-    """Return a finite number, or None."""
     return value if np.isfinite(value) else None

@@ -30,15 +30,9 @@ def gather(
 ) -> None:
     """Go through an episode of experience, or back to before it if the run is stopped within it.
 
-    Args:
-        learner: Who acts, and may learn from each step.
-        env: Where.
-        state: Where the run stands; moved on when the episode is over.
-        gathered: The episodes so far; this one is added when it is over.
-        seed: Seed of the run.
-        number: Number of the episode.
-        room: Steps left of the budget, at which an episode without a known limit is cut short; None
-            for no such budget.
+    When the episode is over, the run's state is moved on and the episode is added to those
+    gathered. One without a known limit is cut short after ``room`` steps, those left of the budget;
+    None for no such budget.
 
     Raises:
         EnvironmentFault: The environment broke its contract; the learner is as it was before the

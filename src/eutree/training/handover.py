@@ -382,13 +382,8 @@ def judge(
 ) -> Judgement:
     """Return which of the two is handed over, and the evidence on both.
 
-    Args:
-        handover: How it is decided.
-        duel: The two, before their first episode.
-        sizes: Leaves of the start and of the learned tree.
-        known: Lowest and highest return of an episode; None where they are not known.
-        challengers: Trees that were put to the test in the run.
-        given: Whether somebody has given the start, as a tree or by demonstrations.
+    The duel is before its first episode. ``given`` says whether somebody has given the start, as a
+    tree or by demonstrations; other arguments are those of ``judged``.
     """
     verdict = hold(_rule(handover, duel, sizes, known), duel.table, duel.run)
     shown = bool(verdict.winner)

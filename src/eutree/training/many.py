@@ -21,7 +21,7 @@ from eutree.contests import SmallestWithin
 from eutree.data import Demonstrations
 from eutree.errors import FormatError, InvalidArgumentError, RunFolderError
 from eutree.evaluation import Against, CurvePoint, Evaluation, curve_from_csv, evaluate
-from eutree.evaluation.curves import curves_to_pandas
+from eutree.evaluation.curves import curves_to_pandas, table_to_csv
 from eutree.files import make_folder, read_bytes, write_text
 from eutree.files.atomic import RUN
 from eutree.interaction import episode_seed
@@ -335,13 +335,10 @@ class _Task:
 
 
 def _table(runs: Sequence[FinishedRun], winner: int) -> str:
-    """Return the runs as CSV."""
-    lines = [",".join(COLUMNS)]
+    rows = []
     for number, run in enumerate(runs):
-        success = run.selection.success_interval
-        ends = ("", "") if success is None else success
-        rate = "" if run.selection.success_rate is None else run.selection.success_rate
-        row = (run.seed, run.selection.mean_return, *run.selection.return_interval, rate, *ends,
-               run.n_leaves, run.environment_steps, int(number == winner))  # fmt: skip
-        lines.append(",".join(map(str, row)))
-    return "\n".join(lines) + "\n"
+        found = run.selection
+        success = found.success_rate, *(found.success_interval or (None, None))
+        rows.append((run.seed, found.mean_return, *found.return_interval, *success,
+                     run.n_leaves, run.environment_steps, int(number == winner)))  # fmt: skip
+    return table_to_csv(COLUMNS, rows)

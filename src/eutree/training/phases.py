@@ -88,10 +88,7 @@ def left(lived: float, played: int) -> int:
 def within(seconds: float, played: int, took: float) -> int:
     """Return how many episodes, or steps, so much time is enough for, one at least.
 
-    Args:
-        seconds: The time.
-        played: Those that were played already.
-        took: Seconds that those took.
+    It took ``took`` seconds to play ``played`` of them.
     """
     return max(int(seconds * played / took), 1) if played and took > 0.0 else 1
 

@@ -67,9 +67,7 @@ class Advantages:
     def speak_for(self, policy: Integers, challenger: Integers) -> float:
         """Return how many standard errors a challenger's way gained more; 0 where nothing is known.
 
-        Args:
-            policy: The policy's action at each observation, shape [N].
-            challenger: The challenger's, shape [N].
+        The policy and the challenger are given by their actions at each observation, shape [N].
         """
         differs = policy != challenger
         likes = self.gains[differs & (challenger == self.actions)]
@@ -305,13 +303,8 @@ class Proposals:
     ) -> tuple[tuple[TreePolicy, ...], tuple[float, ...]]:
         """Return the challengers that promise most, and the guessed return of each.
 
-        Where no model foretells the policy's return all are returned, without a guess.
-
-        Args:
-            policy: The incumbent.
-            own: Real episodes of it.
-            challengers: The trees that may race.
-            episodes: All episodes run so far.
+        Where no model foretells the policy's return all are returned, without a guess. Other
+        arguments are those of ``climbed``.
         """
         found = self._foretold(policy, own, challengers, episodes)
         if found is None:
@@ -380,7 +373,6 @@ class Proposals:
         return np.array(missed)
 
     def _models(self, episodes: Sequence[Episode]) -> Iterator[WorldModel]:
-        """Yield the world models that propose."""
         # The last of a long run are those of a good policy, which seldom show how it fails.
         stored = self._data.followed_by(episodes).spread(MOST_KNOWN)
         detail = max(MAX_LEAVES, stored.rewards.size // ROWS_PER_LEAF)

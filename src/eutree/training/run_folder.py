@@ -18,8 +18,6 @@ A checkpoint is written whole or not at all, so the folder can always be resumed
 or the new one. The lock is the operating system's: it ends with the process that holds it.
 """
 
-import csv
-import io
 import os
 import shutil
 import time
@@ -34,6 +32,7 @@ from eutree.compression.episodes import FrontEntry
 from eutree.data import Demonstrations
 from eutree.errors import FormatError, RunFolderError, blamed
 from eutree.evaluation import curve_to_csv
+from eutree.evaluation.curves import table_to_csv
 from eutree.files import Document, make_folder, read_document, write_document, write_text
 from eutree.files.atomic import RUN, lock, remove_orphans, reported
 from eutree.learners import Method
@@ -262,18 +261,14 @@ def _save_front(folder: Path, front: Sequence[FrontEntry], picked: TreePolicy | 
     if not front:
         return
     make_folder(folder / "front")
-    text = io.StringIO()
-    table = csv.writer(text, lineterminator="\n")
-    table.writerow(_FRONT)
+    rows = []
     for number, (name, one) in enumerate(zip(names_of(front), front, strict=True)):
         one.policy.save(folder / name)
-        success = ("", "") if one.success_interval is None else one.success_interval
-        rate = "" if one.success_rate is None else one.success_rate
+        success = one.success_rate, *(one.success_interval or (None, None))
         size = one.policy.n_leaves
         is_picked = number > 0 and picked is not None and size == picked.n_leaves
-        row = (name, size, one.mean_return, *one.return_interval, rate, *success, int(is_picked))
-        table.writerow(row)
-    write_text(folder / "front.csv", text.getvalue())
+        rows.append((name, size, one.mean_return, *one.return_interval, *success, int(is_picked)))
+    write_text(folder / "front.csv", table_to_csv(_FRONT, rows))
 
 
 def _check_same(

@@ -318,14 +318,9 @@ class PolicySearch:
         if not distinct:
             return state
         self.raced.leave_block()
-        return replace(
-            state,
-            stage=stage,
-            challengers=tuple(distinct.values()),
-            block=state.block + 1,
-            limit=min(self._settings.steps, self.raced.steps + int(share * self._settings.steps)),
-            tried=state.tried + len(distinct),
-        )
+        limit = min(self._settings.steps, self.raced.steps + int(share * self._settings.steps))
+        here = state.on_new_starts(stage, limit, tuple(distinct.values()))
+        return replace(here, tried=state.tried + len(distinct))
 
     def _winner(self, state: SearchState) -> Running[TreePolicy]:
         """Return the best of the challengers; only the most promising of them run.

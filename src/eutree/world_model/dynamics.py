@@ -338,7 +338,6 @@ def _is_told(tree: ModelTree, enough: float) -> bool:
 
 
 def _error(tree: ModelTree) -> float:
-    """Return the squared error of a fitted tree."""
     return float(np.square(tree.residuals).sum())
 
 
@@ -454,7 +453,6 @@ def _grow(
     min_leaf: int = MIN_LEAF,
     floor: float = GOOD_ENOUGH,
 ) -> ModelTree:
-    """Grow one tree over the rows."""
     y = np.ascontiguousarray(y)
     rows = rows.copy()
     m, p = 2 * max_leaves - 1, design.X.shape[1]

@@ -102,7 +102,7 @@ _RACED_TREES = Part(
     save=packed_raced,
     make=lambda _, state: unpacked_raced(state),
 )
-_STUDENT = packed_trees_part("student_", 1, "f")._replace(
+_STUDENT = packed_trees_part("student_", 1)._replace(
     at="dagger.tree",
     prefix="student_",
     save=lambda tree: packed_trees([tree]),
@@ -173,7 +173,7 @@ def sums_part(most: int, model: EnsembleSettings) -> Part:
 def parts_of(start: Start, most_sums: int, model: EnsembleSettings) -> tuple[Part, ...]:
     """Return the parts of a learner's state; a teacher that was given is given again."""
     teacher = () if start.teacher is not None else (_TEACHER,)
-    raced = packed_trees_part(RACED_TREE, "T", "f"), _RACED_TREES
+    raced = packed_trees_part(RACED_TREE, "T"), _RACED_TREES
     history = history_parts("_experience.history")
     return (
         *history,

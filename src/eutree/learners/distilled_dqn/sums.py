@@ -206,7 +206,6 @@ def _rounded(weights: Floats) -> tuple[float, ...]:
 
 
 def _formula(weights: Floats, names: Sequence[str]) -> str:
-    """Return a sum as a formula."""
     terms = [
         (" - " if weight < 0.0 else " + ")
         + (name if abs(weight) == 1.0 else f"{abs(weight)!r} * {name}")
