@@ -16,6 +16,7 @@ from eutree.learners.learner import Decisions
 from eutree.policy_search.planner import Planner
 from eutree.training.handover import EARNS_MORE, Judgement, judged
 from eutree.training.proposals import identity
+from eutree.training.run import Run
 from tests.corridor import WRONG, Corridor, policy_of
 from tests.interaction.sick import Healthy
 
@@ -183,6 +184,19 @@ def test_the_tree_that_is_on_trial_at_the_end_meets_a_start_that_was_kept(monkey
     assert (result.handed_over, result.against_start.why) == ("learned", EARNS_MORE)
     assert identity(result.policy) == identity(good)
     assert not result.is_start
+
+
+@pytest.mark.parametrize(("tried", "taken"), [((0, 5.0, 1), True), ((0, 7.1, 1), False)])
+def test_the_tree_that_is_on_trial_at_the_end_meets_the_learned_one(monkeypatch, tried, taken):
+    """The learned tree, which had been adopted, was handed over whatever waited behind it."""
+    tree = policy_of(*tried)
+    monkeypatch.setattr(Run, "learned", lambda _: WRONG)
+    monkeypatch.setattr(ModelPlanning, "on_trial", lambda _: Decisions(tree.tree, tree.actions))
+    asked = {"episodes": 8, "judge_episodes": 300, "seed": 2}
+    result = eutree.learn(Corridor(), expert=policy_of(0), **asked)
+    assert result.environment_steps.front > 0
+    assert identity(result.policy) == identity(tree if taken else WRONG)
+    assert identity(result.learned) == identity(WRONG)
 
 
 def test_a_tree_on_trial_that_earns_no_more_is_not_handed_over(monkeypatch):

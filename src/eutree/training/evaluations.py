@@ -101,6 +101,7 @@ def _digest(policy: TreePolicy, seed: int) -> str:
     return hashlib.sha256(identity(policy) + seed.to_bytes(8, "big")).hexdigest()[:16]
 
 
+TRIAL = 8  # of what is left where episodes are dear, the share of each of two trees
 EARLIER = 3  # trees of a run that smaller ones are made of: the last, and those before it
 
 
@@ -158,7 +159,7 @@ class Evaluations:
         kept: With ``keep_success`` the policy that success must not fall from, and its successes.
         earlier: The last trees of the curve that differ, the latest last, where a front follows.
         front: The learned tree and the best of each size; empty before it is known.
-        picked: The tree of the front that meets the start; None without a front.
+        picked: The tree of the front, or the one on trial, that meets the start; None for neither.
         judgement: The result against the start; None before it is known.
         played: The episodes of frozen trees.
         counts: Their counts when the state counted them last: what an interruption cut short is
@@ -212,12 +213,14 @@ class Evaluations:
         learner: Learner,
         arena: Arena,
         keeping: Callable[[TreePolicy], TreePolicy],
+        tried: TreePolicy | None,
     ) -> None:
         """Find the best tree of each size, and pick one; neither where steps are too few.
 
-        ``keeping`` makes trees keep the run's rules.
+        ``keeping`` makes trees keep the run's rules. Without a front the one that was ``tried``
+        last is picked where it earns more than the learned one.
         """
-        from eutree.training.front import IMAGINING, Extent, front_of_run
+        from eutree.training.front import FEWEST, IMAGINING, Extent, earns_more, front_of_run
 
         plan, handover, at, state = self._plan, self._handover, self._state.at, self._state
         state.whole = True
@@ -246,6 +249,13 @@ class Evaluations:
                 generator=generator_of(plan.seed, Stream.FRONT, 0),
             )
             self.front, self.picked = found.entries, self._preferred(found, arena)
+        elif tried is not None and identity(learned) not in map(identity, (first, tried)):
+            starts = max(self._left() // TRIAL, 2) if plan.is_dear else FEWEST
+            if plan.seconds is not None:
+                starts = min(starts, within(time, self.played.episodes, self.played.seconds))
+            guarded = plan.keep_success or handover.prefer_proven is not None
+            if not guarded and earns_more(tried, learned, ground, starts):
+                self.picked = tried
         state.whole = False
         played = state.at.played_episodes + ground.episodes
         so_far = state.at.front_steps + ground.steps  # a run that was made longer had one before

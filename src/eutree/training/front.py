@@ -147,6 +147,14 @@ def front_of_run(
     return front_among(learned, chosen, common, demand)
 
 
+def earns_more(challenger: TreePolicy, incumbent: TreePolicy, ground: Ground, starts: int) -> bool:
+    """Return whether a tree does better by more than a standard error, in common episodes."""
+    common = CommonEpisodes(ground, starts)
+    common.redraw(incumbent)
+    (gain,) = common.gains([challenger])
+    return gain.mean > gain.error
+
+
 def _by_labels(
     policy: TreePolicy, learner: Learner, checked: Callable[[TreePolicy], TreePolicy]
 ) -> list[TreePolicy]:

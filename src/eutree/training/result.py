@@ -81,7 +81,8 @@ class LearningResult(Displayed):
             why; None offline, where the run stopped, and where nothing may be judged.
         front: The learned tree, and the best of each size that was made of it, the largest
             first, all in the same episodes, which chose none of them; empty without a front.
-        picked: The tree of the front that met the start; None without a front.
+        picked: The tree of the front that met the start or, without a front, the one that was on
+            trial where it did better than the learned one; else None.
         against: The policy's episodes and those of the rival that ``Handover`` names.
         certificate: The proof of the policy, where proven trees are preferred and it is one.
         against_fit: Offline, the learned tree beside that of ``fit`` on held-out episodes; that of

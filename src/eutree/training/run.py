@@ -167,18 +167,13 @@ class Run:
         return self._challenger() if self.at.judged else self.evaluations.picked or self.learned()
 
     def _challenger(self) -> TreePolicy:
-        """Return the tree that meets the start: the pick of the front, else the learned one.
+        """Return the tree that meets the start: the pick at the end, else the learned one.
 
-        Where that is the start still, it is the one that the learner has on trial, if any: only the
-        end of the run has cut its evaluation short, and the contest is fresh. A race has its own.
+        Where that is the start still, it is the one on trial, if any: the contest is fresh.
         """
-        tree, learner = self.evaluations.picked or self.learned(), self.learner
-        handover, races = self.plan.handover, self.racing.search is not None
-        if handover is None or races or identity(tree) != identity(self.first):
-            return tree
-        tried = learner.on_trial() if isinstance(learner, TriesTrees) else None
-        other = tree if tried is None else self._best(tried)
-        return other if other.n_leaves <= (handover.max_leaves or other.n_leaves) else tree
+        tree = self.evaluations.picked or self.learned()
+        tried = _on_trial(self) if identity(tree) == identity(self.first) else None
+        return tried or tree
 
     def learned(self) -> TreePolicy:
         """Return the present policy, frozen."""
@@ -290,10 +285,25 @@ class Run:
         """Find the best tree of each size, and pick one; or compare the pick with the start."""
         first, arena = self.first, self._acting()
         if self.phase is Phase.FRONT:
-            self.evaluations.make_front(self.learned(), first, self.learner, arena, self.keeping)
+            known = self.learned(), first, self.learner, arena
+            self.evaluations.make_front(*known, self.keeping, _on_trial(self))
         else:
             given, tree = self.beginning.start.name in GIVEN, self._challenger()
             self.evaluations.judge(first, tree, self.challengers, arena, given=given)
+
+
+def _on_trial(run: Run) -> TreePolicy | None:
+    """Return the tree whose evaluation the end of a run has cut short, if it may be handed over.
+
+    A race has its own.
+    """
+    handover, learner = run.plan.handover, run.learner
+    if handover is None or run.racing.search is not None or not isinstance(learner, TriesTrees):
+        return None
+    tried = learner.on_trial()
+    tree = None if tried is None else run._best(tried)
+    too_large = tree is not None and tree.n_leaves > (handover.max_leaves or tree.n_leaves)
+    return None if too_large else tree
 
 
 def _masked(policy: TreePolicy, history: History) -> tuple[Floats, Booleans] | None:
