@@ -166,21 +166,22 @@ def test_one_pair_is_one_episode_and_no_end_of_an_interval_is_a_negative_zero():
     )
 
 
-def trying(tree, monkeypatch):
+def trying(tree, monkeypatch, **more):
     """Let planning end with a tree on trial, and the start as policy."""
     monkeypatch.setattr(Planner, "_deserves", lambda *_: False)
     monkeypatch.setattr(ModelPlanning, "on_trial", lambda _: Decisions(tree.tree, tree.actions))
     env = Corridor()
     shown = eutree.record(env, lambda env: policy_of(0, 5.0, 1), episodes=10, seed=1)
     asked = {"episodes": 6, "judge_episodes": 300} | SHORT
-    result = eutree.learn(env, demonstrations=shown, expert=WRONG, **asked)
+    result = eutree.learn(env, demonstrations=shown, expert=WRONG, **asked, **more)
     assert identity(result.learned) == identity(WRONG)
     return result
 
 
-def test_the_tree_that_is_on_trial_at_the_end_meets_a_start_that_was_kept(monkeypatch):
+def test_the_tree_that_is_on_trial_at_the_end_meets_a_start_that_was_kept(monkeypatch, tmp_path):
     good = policy_of(0, 5.0, 1)
-    result = trying(good, monkeypatch)
+    result = trying(good, monkeypatch, out=tmp_path / "run")
+    assert not (tmp_path / "run" / "picked.json").exists()
     assert (result.handed_over, result.against_start.why) == ("learned", EARNS_MORE)
     assert identity(result.policy) == identity(good)
     assert not result.is_start
@@ -199,7 +200,10 @@ def test_the_tree_that_is_on_trial_at_the_end_meets_the_learned_one(monkeypatch,
     assert identity(result.learned) == identity(WRONG)
 
 
-def test_a_tree_on_trial_that_earns_no_more_is_not_handed_over(monkeypatch):
-    result = trying(policy_of(1, 5.0, 1), monkeypatch)  # an action more, and no better
+def test_a_tree_on_trial_that_earns_no_more_is_kept_beside_the_start(monkeypatch, tmp_path):
+    tree = policy_of(1, 5.0, 1)  # an action more, and no better
+    result = trying(tree, monkeypatch, out=tmp_path / "run")
+    kept = eutree.TreePolicy.load(tmp_path / "run" / "picked.json")
+    assert identity(kept) == identity(tree) == identity(result.picked)
     assert result.handed_over == "start"
     assert identity(result.policy) == identity(WRONG)

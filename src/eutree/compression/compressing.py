@@ -298,11 +298,13 @@ def _by_playing(
 
     from eutree.compression.front import front_of
 
-    exact = with_locks(merged(policy), policy)
-    front = front_of(policy, exact, ground, demand, finish)
-    most = demand.max_leaves
-    if front.picked is None and most is not None and exact.n_leaves > most:
-        return Ladder(policy, costs).of_size(most), "budget", None, front.entries
+    exact, most = with_locks(merged(policy), policy), demand.max_leaves
+    known = [exact]
+    if most is not None and exact.n_leaves > most:
+        known.append(Ladder(policy, costs).of_size(most))
+    front = front_of(policy, known, ground, demand, finish)
+    if front.picked is None and len(known) > 1:
+        return known[1], "budget", None, front.entries
     if front.picked is None:
         return exact, "merge", None, front.entries
     return front.picked, "return", front.verdict, front.entries

@@ -43,22 +43,28 @@ class Front:
 
 
 def front_of(
-    policy: TreePolicy, exact: TreePolicy, ground: Ground, demand: Demand, finish: Finish
+    policy: TreePolicy, known: Sequence[TreePolicy], ground: Ground, demand: Demand, finish: Finish
 ) -> Front:
     """Return the front of a tree.
 
-    ``exact`` makes the same decisions in no more leaves; it is handed back where no other tree
-    deserves it. ``finish`` prepares a tree that was found before it is chosen: rounds it, say.
+    The first of ``known`` makes the same decisions in no more leaves; it is handed back where no
+    other tree deserves it. Any other is small enough, and plays beside one that was found to be.
+    ``finish`` prepares a tree that was found before it is chosen: rounds it, say.
     """
+    exact, most = known[0], demand.max_leaves
     common, steps = _extent(policy, ground, demand.episodes)
     search = FrontSearch([exact], common, steps, lambda one: with_locks(merged(one), policy))
-    search.run(2, loses=LOSES)
-    known = list(search.found.values())
+    # A limit is kept whatever it loses: far below the tree's size a single action may be better
+    # than what decides most like the tree.
+    search.run(2, loses=LOSES if most is None else np.inf)
+    sizes = list(search.found.values())
     if common.steps >= steps:  # before all sizes had their turn: the best of those that wait
-        known += [waiting[:EACH] for waiting in search.waiting().values()]
-    found = [finish(one) for trees in known for one in trees]
-    found = [one for one in found if one.n_leaves <= exact.n_leaves]
-    return front_among(policy, [finish(exact), *found], common, demand)
+        sizes += [waiting[:EACH] for waiting in search.waiting().values()]
+    found = [one for trees in sizes for one in trees]
+    if most is not None and any(one.n_leaves <= most for one in found):
+        found += known[1:]
+    played = [one for one in map(finish, found) if one.n_leaves <= exact.n_leaves]
+    return front_among(policy, [finish(exact), *played], common, demand)
 
 
 def front_among(

@@ -217,8 +217,8 @@ class Evaluations:
     ) -> None:
         """Find the best tree of each size, and pick one; neither where steps are too few.
 
-        ``keeping`` makes trees keep the run's rules. Without a front the one that was ``tried``
-        last is picked where it earns more than the learned one.
+        ``keeping`` makes trees keep the run's rules. The one that was ``tried`` last plays with the
+        others; without a front it is picked where it earns more than the learned one.
         """
         from eutree.training.front import FEWEST, IMAGINING, Extent, earns_more, front_of_run
 
@@ -244,6 +244,7 @@ class Evaluations:
                 ground,
                 extent,
                 keeping,
+                tried=tried,
                 max_leaves=handover.max_leaves,
                 success_margin=handover.success_margin,
                 generator=generator_of(plan.seed, Stream.FRONT, 0),

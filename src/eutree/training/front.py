@@ -75,6 +75,7 @@ def front_of_run(
     extent: Extent,
     keeping: Callable[[TreePolicy], TreePolicy],
     *,
+    tried: TreePolicy | None,
     max_leaves: int | None,
     success_margin: float,
     generator: np.random.Generator,
@@ -88,6 +89,7 @@ def front_of_run(
         ground: Where trees play.
         extent: How much.
         keeping: Makes a tree keep the run's rules.
+        tried: Plays as it is: a model that is wrong about it is wrong about all cut from it.
         max_leaves: Most leaves of the pick; None for any number.
         success_margin: That of the judgement that follows.
         generator: Source of all chance that is not of an episode.
@@ -122,7 +124,7 @@ def front_of_run(
         episodes = ImaginedCommonEpisodes(rollouts)
         begun = [_within(one, TIMES * most, by_labels) for one in map(here, trees)]
         search = FrontSearch(begun, episodes, extent.imagined, checked)
-        search.run(2, loses=LOSES if max_leaves is None else 1.0)
+        search.run(2, loses=LOSES if max_leaves is None else math.inf)
         best = search.waiting() | search.found
         found = [one for size in sorted(best, reverse=True) for one in best[size][:EACH]]
         if max_leaves is not None:
@@ -139,7 +141,8 @@ def front_of_run(
         floor=here(start),
         success_margin=success_margin,
     )
-    play = [checked(learned), *found]
+    beside = [] if tried is None else [checked(tried)]
+    play = [checked(learned), *beside, *found]
     if max_leaves is not None:  # no other can be picked: those that may not would take their place
         play = [one for one in play if one.n_leaves <= most] or play
     common = CommonEpisodes(ground, extent.starts)

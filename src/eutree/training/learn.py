@@ -36,7 +36,7 @@ from eutree.training.planned import (
     planned,
     shown_by_chance,
 )
-from eutree.training.result import LearningResult, result_of
+from eutree.training.result import LearningResult, picked_of, result_of
 from eutree.training.run import Beginning, Run
 from eutree.training.run_folder import ConfigDocument, RunFolder, SavingClock
 from eutree.training.teaching import as_teacher
@@ -339,9 +339,9 @@ def _carried_out(
         with following(run, asked.listeners):
             _go_on(run, folder, SavingClock(where.checkpoint_seconds), asked.listeners)
         policy, against_fit = _result(run, log)
-        found, judgement = run.evaluations, run.evaluations.judgement
+        judgement, front = run.evaluations.judgement, run.evaluations.front
         lost = judgement is not None and judgement.lost
-        folder.save_result(policy, run.learned(), found.front, found.picked, lost=lost)
+        folder.save_result(policy, run.learned(), front, picked_of(run), lost=lost)
     return policy, against_fit
 
 

@@ -12,6 +12,7 @@ from eutree.learners.learner import HasTeacher, ValuingPolicy
 from eutree.policies import TreePolicy
 from eutree.policy_search.model_trust import ModelTrust
 from eutree.training.handover import LEARNED, START, Judgement
+from eutree.training.proposals import identity
 from eutree.training.run import Run
 from eutree.training.teaching import Teacher
 
@@ -81,8 +82,8 @@ class LearningResult(Displayed):
             why; None offline, where the run stopped, and where nothing may be judged.
         front: The learned tree, and the best of each size that was made of it, the largest
             first, all in the same episodes, which chose none of them; empty without a front.
-        picked: The tree of the front that met the start or, without a front, the one that was on
-            trial where it did better than the learned one; else None.
+        picked: The tree of the front that met the start; without a front the one that was on trial
+            at the end, where that met it. None where the learned one did.
         against: The policy's episodes and those of the rival that ``Handover`` names.
         certificate: The proof of the policy, where proven trees are preferred and it is one.
         against_fit: Offline, the learned tree beside that of ``fit`` on held-out episodes; that of
@@ -150,6 +151,13 @@ class LearningResult(Displayed):
         return curve_to_pandas(self.curve)
 
 
+def picked_of(run: Run) -> TreePolicy | None:
+    """Return the pick of a finished run's front, else the tree on trial if that met the start."""
+    met = run.challenger()
+    is_learned = identity(met) == identity(run.learned())
+    return None if run.evaluations.picked is None and is_learned else met
+
+
 def result_of(run: Run, policy: TreePolicy, teacher: Teacher | None) -> LearningResult:
     """Return the result of a finished run, which hands over a policy; a teacher may be given."""
     learner, at, evaluations, start = run.learner, run.at, run.evaluations, run.beginning.start
@@ -184,7 +192,7 @@ def result_of(run: Run, policy: TreePolicy, teacher: Teacher | None) -> Learning
         against_start=judgement,
         teacher=learner.teacher if isinstance(learner, HasTeacher) else None,
         front=evaluations.front,
-        picked=evaluations.picked,
+        picked=picked_of(run),
         model_trust=run.model_trust(),
         reason=run.beginning.reason,
     )

@@ -164,16 +164,17 @@ class Run:
         judgement = self.evaluations.judgement
         if self.at.judged and judgement is not None and judgement.handed_over == START:
             return self.first
-        return self._challenger() if self.at.judged else self.evaluations.picked or self.learned()
+        return self.challenger() if self.at.judged else self.evaluations.picked or self.learned()
 
-    def _challenger(self) -> TreePolicy:
+    def challenger(self) -> TreePolicy:
         """Return the tree that meets the start: the pick at the end, else the learned one.
 
         Where that is the start still, it is the one on trial, if any: the contest is fresh.
         """
-        tree = self.evaluations.picked or self.learned()
-        tried = _on_trial(self) if identity(tree) == identity(self.first) else None
-        return tried or tree
+        if self.evaluations.picked is not None:
+            return self.evaluations.picked
+        tree = self.learned()
+        return (_on_trial(self) or tree) if identity(tree) == identity(self.first) else tree
 
     def learned(self) -> TreePolicy:
         """Return the present policy, frozen."""
@@ -288,7 +289,7 @@ class Run:
             known = self.learned(), first, self.learner, arena
             self.evaluations.make_front(*known, self.keeping, _on_trial(self))
         else:
-            given, tree = self.beginning.start.name in GIVEN, self._challenger()
+            given, tree = self.beginning.start.name in GIVEN, self.challenger()
             self.evaluations.judge(first, tree, self.challengers, arena, given=given)
 
 

@@ -10,6 +10,7 @@
     shown/             random episodes that it begins from, where nobody has shown any
     policy.json        the policy that is handed over
     learned.json       the learned one, where another is handed over
+    picked.json        the one on trial at the end, where it lost to the start, without a front
     front.csv          the best tree of each size: leaves, return, success, with intervals
     front/             these trees
     .lock              held by the process that writes here
@@ -220,11 +221,17 @@ class RunFolder:
         Also where the start is handed over, because another tree has ``lost`` to it.
         """
         policy.save(self.path / "policy.json")
-        beside = self.path / "learned.json"
+        kept = {}
         if lost or identity(learned) != identity(policy):
-            learned.save(beside)
-        else:
-            beside.unlink(missing_ok=True)
+            kept["learned"] = learned
+        if picked is not None and not front and identity(picked) != identity(policy):
+            kept["picked"] = picked
+        for name in ("learned", "picked"):
+            file = self.path / f"{name}.json"
+            if name in kept:
+                kept[name].save(file)
+            else:
+                file.unlink(missing_ok=True)
         _save_front(self.path, front, picked)
 
     def _open(self, config: ConfigDocument, kind: type[Method], *, resume: bool) -> None:
