@@ -24,6 +24,7 @@ SPACES = {
         [spaces.Discrete(5), spaces.Box(0, 5, (2,)), spaces.Tuple([spaces.Discrete(5)] * 2)]
     ),
     "tuple of equals": spaces.Tuple([spaces.Box(0, 1, (2,)), spaces.Box(0, 1, (2,))]),
+    "tuple of codes": spaces.Tuple([spaces.Discrete(3), spaces.Discrete(5), spaces.Discrete(2)]),
     "one code": spaces.Discrete(9),
     "bits": spaces.MultiBinary(3),
 }
@@ -94,13 +95,22 @@ def stacked(samples):
     return np.stack(samples)
 
 
-@pytest.mark.parametrize("name", ["dict", "tuple", "tuple of equals", "bits"])
+@pytest.mark.parametrize("name", ["dict", "tuple", "tuple of equals", "tuple of codes", "bits"])
 def test_a_batch_of_them(name):
+    """Of as many observations as a tuple has entries the columns were taken for rows."""
     env = Sees(SPACES[name])
     tree, guarded = learned(env)
     rows = np.array([guarded.reset(seed) for seed in range(7)])
-    batch = stacked([guarded.own_observation(row) for row in rows])
-    assert tree.predict(batch)[0].tolist() == tree.predict(rows)[0].tolist()
+    for size in range(2, 8):
+        batch = stacked([guarded.own_observation(row) for row in rows[:size]])
+        assert tree.predict(batch)[0].tolist() == tree.predict(rows[:size])[0].tolist()
+
+
+def test_rows_of_numbers_in_a_tuple_stay_rows():
+    tree, guarded = learned(Sees(SPACES["tuple of codes"]))
+    rows = [tuple(guarded.reset(seed).tolist()) for seed in range(7)]
+    for size in range(2, 8):
+        assert tree.predict(tuple(rows[:size]))[0].tolist() == tree.predict(rows[:size])[0].tolist()
 
 
 @pytest.mark.parametrize(

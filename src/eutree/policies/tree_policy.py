@@ -49,7 +49,9 @@ def rows_of(observation: Any, names: Sequence[str]) -> Floats:
         if array.ndim == 0 and size == 1:
             return array.reshape(1)
         if array.ndim in (1, 2) and array.shape[-1] == size:
-            return array
+            # Each entry of a Tuple space is a column: a batch of d looks like rows.
+            columns = isinstance(observation, tuple) and not isinstance(observation[0], tuple)
+            return array.T.copy() if columns and array.shape == (size, size) else array
         if not isinstance(observation, tuple):
             shape = np.shape(observation) if array.size else f"of {shown(observation)}"
             raise InvalidArgumentError(
