@@ -10,7 +10,7 @@ from gymnasium import spaces
 
 import eutree
 from eutree.errors import InvalidArgumentError
-from eutree.interaction import GuardedEnv, describe
+from eutree.interaction import DerivedObservation, GuardedEnv, describe
 
 SPACES = {
     "dict": spaces.Dict(
@@ -59,7 +59,7 @@ def reversed_(value):
 def learned(env, history=0):
     """Return a tree of a rule by all numbers of an observation."""
     guarded = GuardedEnv(env)
-    middle = np.array([(f.low + f.high) / 2 for f in guarded.schema.features])
+    middle = np.array([(f.low + f.high) / 2 for f in guarded.schema.measured.features])
     weights = 1.0 + np.arange(middle.size)
     rule = eutree.experts.RulePolicy(lambda o: ((o - middle) @ weights > 0).astype(int))
     demos = eutree.record(env, rule, episodes=30, seed=1)
@@ -104,6 +104,24 @@ def test_a_batch_of_them(name):
     for size in range(2, 8):
         batch = stacked([guarded.own_observation(row) for row in rows[:size]])
         assert tree.predict(batch)[0].tolist() == tree.predict(rows[:size])[0].tolist()
+
+
+@pytest.mark.parametrize("name", ["dict", "tuple", "tuple of equals", "tuple of codes"])
+def test_what_is_derived_is_derived_of_the_environments_own_observation(name):
+    """Of a tuple it was a bare ValueError; of a batch of d, columns were taken for rows."""
+    env = Sees(SPACES[name])
+    first = describe(env).feature_names[0]
+    tree, guarded = learned(DerivedObservation(env, [f'twice = 2 * "{first}"']))
+    n_measured, plain = tree.derivation.n_measured, GuardedEnv(env)
+    rows = np.array([plain.reset(seed) for seed in range(7)])
+    own = [plain.own_observation(row) for row in rows]
+    for row, one in zip(rows, own, strict=True):
+        assert tree.predict(one)[0] == tree.predict(row)[0]
+    for size in (2, n_measured, n_measured + 1):
+        wanted = tree.predict(rows[:size])[0].tolist()
+        assert tree.predict(stacked(own[:size]))[0].tolist() == wanted
+    complete = guarded.reset(0)
+    assert tree.predict(tuple(complete.tolist()))[0] == tree.predict(complete)[0]
 
 
 def test_rows_of_numbers_in_a_tuple_stay_rows():

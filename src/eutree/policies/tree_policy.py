@@ -60,6 +60,16 @@ def rows_of(observation: Any, names: Sequence[str]) -> Floats:
     return _joined(observation, names)
 
 
+def _is_complete(observation: Any, n_measured: int, size: int) -> bool:
+    """Return whether an observation, or a batch, has its derived features with it."""
+    try:
+        shape = np.shape(observation)
+    except ValueError:  # entries of several sizes: of a Tuple space, which derives nothing
+        return False
+    columns = isinstance(observation, tuple) and shape == (n_measured, size)
+    return shape[-1:] == (size,) and not columns
+
+
 def _joined(observation: Any, names: Sequence[str]) -> Floats:
     """Return the entries of a dict or a tuple in the order of their names."""
     size = len(names)
@@ -328,7 +338,7 @@ class TreePolicy(Displayed, Frozen):
             An int for one observation, an int64 array of shape [E] for a batch; and the state.
         """
         names, derivation = self._observed.feature_names, self.derivation
-        if not derivation.formulas or np.shape(observation)[-1:] == (len(names),):
+        if not derivation.formulas or _is_complete(observation, derivation.n_measured, len(names)):
             array = rows_of(observation, names)
         else:
             measured = rows_of(observation, names[: derivation.n_measured])
