@@ -88,3 +88,20 @@ def test_where_nothing_can_be_played_the_model_of_the_run_chooses(eutree, demons
         found = eutree("compress", "run", "--out", "small.json", "--max-leaves", "4", "--json").json
     assert (found["by"], found["environment_steps"]) == ("model", 0)
     assert found["n_leaves_after"] <= 4
+
+
+def test_demonstrations_that_are_named_are_asked_in_place_of_those_of_the_run(
+    eutree, demonstrations
+):
+    """A run folder hid them, from `--imagined` too."""
+    line = ["learn", "eutree/Evasion2-v0", "--demos", demonstrations, "--out", "run"]
+    assert eutree(*line, "--episodes", "6", "--evaluation-episodes", "2").code == 0
+    replace(TreePolicy.load("run/policy.json"), environment=None).save("run/policy.json")
+    for options in [("--mode", "lossless"), ("--imagined", "--max-leaves", "4")]:
+        line = ["--out", "small.json", *options]
+        named = [*line, "--demos", demonstrations]
+        with little_search():
+            alone = eutree("compress", "run/policy.json", *named)
+            assert alone.code == 0
+            assert eutree("compress", "run", *named) == alone
+            assert eutree("compress", "run", *line) != alone

@@ -62,8 +62,8 @@ _FIGURES = """
 @option.output("--out", text="File to write.", required=True)
 @option.path(
     "--demos",
-    text="Demonstrations whose observations to keep the decisions on; needed where SOURCE is a "
-    "policy file instead of a run folder, and nothing is played.",
+    text="Demonstrations whose observations to keep the decisions on, in place of the run's; "
+    "needed where SOURCE is a policy file instead of a run folder, and nothing is played.",
 )
 @click.option("--mode", default="auto", show_default=True,
               help="auto (by playing, where the policy's environment can be made, else as "
@@ -74,7 +74,7 @@ _FIGURES = """
 @option.count("--max-leaves", None, "Give the best tree of at most so many leaves.", least=2)
 @click.option("--imagined", is_flag=True,
               help="With --max-leaves, cut where that costs least in episodes imagined by a world "
-              "model of the run's transitions, or of those of --demos.")  # fmt: skip
+              "model of the run's transitions, or of --demos where these are given.")  # fmt: skip
 @click.option("--weights", default="visits", show_default=True,
               help="What a changed decision costs: visits (1 each) or q-gap (by the values of "
               "the leaves).")  # fmt: skip
@@ -198,10 +198,10 @@ def _observations(source: Path, demos: Path | None, policy: TreePolicy, *, neede
     """Return the recorded observations; none where none were and the tree's own episodes do."""
     from eutree.training import stored_observations
 
-    if source.is_dir():
-        return policy.derivation.behind(stored_observations(source))
     if demos is not None:
         return seen_in(demos, policy)
+    if source.is_dir():
+        return policy.derivation.behind(stored_observations(source))
     if needed:
         raise InvalidArgumentError(
             f"{source} must be a run folder, or --demos must name recorded observations"
@@ -229,11 +229,11 @@ def _experience(
     """Return the experience to which a world model is fitted."""
     from eutree.training import stored_transitions
 
+    if demos is not None:
+        return load_demonstrations(demos, policy)
     if source.is_dir():
         return stored_transitions(source, policy.schema.n_actions)
-    if demos is None:
-        raise InvalidArgumentError("--imagined needs a run folder, or --demos")
-    return load_demonstrations(demos, policy)
+    raise InvalidArgumentError("--imagined needs a run folder, or --demos")
 
 
 def _rounding(texts: tuple[str, ...]) -> "Rounding":
