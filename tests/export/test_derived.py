@@ -270,6 +270,19 @@ def test_no_variable_of_structured_text_hides_a_function():
     assert not functions & variables
 
 
+def test_what_no_test_asks_for_is_no_input_of_structured_text():
+    controls = (Control("valve", "%", (0.0, 50.0, 100.0)),)
+    schema = Schema(ROAD.features, ("shut", "half", "open"), controls).derive(LAST)
+    tree = DecisionTree.single_leaf(schema.n_features).split(0, 1, 0.5).split(1, 0, 2.0)
+    policy = TreePolicy(tree, np.array([0, 1, 2]), schema)
+    source = to_structured_text(policy)
+    space = run_structured_text(source.partition("FUNCTION decide_valve")[0])
+    rows = measured()
+    assert [space["decide"](*row) for row in rows.tolist()] == decided(policy, rows)
+    assert source.count(" : LREAL; (*") == 2 * 3  # of the decision, and of the valve
+    assert "far" not in source
+
+
 def test_with_a_past_nothing_is_exported_even_where_no_test_asks_for_what_is_derived():
     """Code would read places that its inputs do not have."""
     schema = Schema.anonymous(2, 2).derive(["gap = x0 - x1"]).with_history(1)

@@ -29,6 +29,7 @@ def to_structured_text(policy: TreePolicy, *, name: str = "decide") -> str:
     ours = {name, *(f"{name}_{part}" for part in _parts(policy, name))}
     reserved = code.STRUCTURED_TEXT_WORDS | ours | (_OWN if computed else set())
     inputs = code.identifiers(schema.feature_names, reserved=reserved)
+    measured = inputs[: policy.derivation.n_measured] if schema.derived else inputs
     lines = [
         f"(* A decision tree with {counted(policy.n_leaves, 'leaf')}"
         + (f" for {text.printable(policy.environment.id)}" if policy.environment else "")
@@ -39,11 +40,10 @@ def to_structured_text(policy: TreePolicy, *, name: str = "decide") -> str:
         "*)",
     ]
     for root in code.block_roots(policy.tree):
-        lines += _function(policy, name, inputs, root)
+        lines += _function(policy, name, inputs if computed else measured, root)
     if computed:
         lines += _entry(policy, name, inputs)
-        inputs = inputs[: policy.derivation.n_measured]
-    return "\n".join([*lines, *_values(policy, name, inputs)]) + "\n"
+    return "\n".join([*lines, *_values(policy, name, measured)]) + "\n"
 
 
 def literal(value: float) -> str:
