@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from eutree.data import Demonstrations, Episode
 from eutree.data.episode import allowed_in
 from eutree.errors import FileError, FormatError, InvalidArgumentError
+from eutree.interaction import describe
 from eutree.schema import EnvironmentSpec, Schema
 from tests.data.strategies import demonstrations, same, three_episodes
 
@@ -430,6 +431,37 @@ def test_a_minari_dataset_made_elsewhere_is_read():
     ]
     assert demos.schema.n_actions == 2
     assert np.array_equal(demos.episodes[0].observations, buffers[0].observations)
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+@pytest.mark.parametrize("name", ["Discrete", "MultiDiscrete", "MultiBinary", "Box", "floats"])
+def test_what_the_space_of_a_minari_dataset_says_is_known(name):
+    """Whole numbers were quantities, in contrast to those of the environment itself."""
+    import gymnasium
+    from gymnasium import spaces
+    from minari.data_collector.episode_buffer import EpisodeBuffer
+
+    space = {
+        "Discrete": spaces.Discrete(5, start=2),
+        "MultiDiscrete": spaces.MultiDiscrete([3, 2]),
+        "MultiBinary": spaces.MultiBinary(3),
+        "Box": spaces.Box(0, 9, (2,), np.int32),
+        "floats": spaces.Box(0, 9, (2,), np.float32),
+    }[name]
+    rows = np.array([space.sample() for _ in range(4)])
+    none = [False] * 3
+    episode = EpisodeBuffer(
+        id=0, observations=rows, actions=np.array([1, 0, 1]), rewards=[1.0] * 3,
+        terminations=none, truncations=none,
+    )  # fmt: skip
+    minari.create_dataset_from_buffers(
+        "other/kinds-v0", [episode], observation_space=space, action_space=spaces.Discrete(2)
+    )
+    env = gymnasium.Env()
+    env.observation_space, env.action_space = space, spaces.Discrete(2)
+    demos = Demonstrations.from_minari("other/kinds-v0")
+    assert demos.schema.features == describe(env).features
+    assert demos.episodes[0].observations.tolist() == rows.reshape(4, -1).tolist()
 
 
 @pytest.mark.filterwarnings("ignore::UserWarning")

@@ -202,8 +202,10 @@ def _features(space: dict[str, Any]) -> tuple[Feature, ...]:
         bounds = [(low, low + n - 1) for low, n in zip(space["start"], space["nvec"], strict=True)]
     else:
         bounds = [(0, 1)] * int(space["n"])
+    is_whole = space["type"] != "Box" or not np.issubdtype(space["dtype"], np.floating)
     return tuple(
-        Feature(f"x{i}", low=float(low), high=float(high)) for i, (low, high) in enumerate(bounds)
+        Feature(f"x{i}", low=float(low), high=float(high), is_integer=is_whole)
+        for i, (low, high) in enumerate(bounds)
     )
 
 
