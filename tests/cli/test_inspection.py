@@ -6,6 +6,7 @@ from pathlib import Path
 import gymnasium
 import numpy as np
 
+from eutree.inspection.regions import is_box, leaf_parts
 from eutree.policies import TreePolicy
 from eutree.schema import EnvironmentSpec, Feature, Schema
 from eutree.trees import DecisionTree
@@ -80,6 +81,18 @@ def test_after_a_rule_leaves_have_other_numbers(eutree, expert):
     line = ("edit", expert, "--enforce", rule, "--out", "e.json", "--episodes", "0", "--json")
     assert not set(words) & set(eutree(*line).json["changes"])
     assert set(words) < set(eutree(*line, "--set-action", "0=stop").json["changes"])
+
+
+def test_leaves_that_nothing_reaches_have_their_new_numbers(eutree):
+    schema = Schema((Feature("x", "", 0.0, 10.0), Feature("y")), ("a", "b"))
+    tree = DecisionTree.single_leaf(2).split(0, 0, 4.0).split(1, 0, 6.0)
+    TreePolicy(tree, [0, 1, 0], schema).save("p.json")
+    line = ("edit", "p.json", "--set-threshold", "0=7", "--out", "e.json", "--json")
+    assert eutree(*line).json["warnings"] == ["no observation reaches leaf 1 any more"]
+    said = eutree(*line, "--enforce", "always b when y <= 0 and x <= 10").json["warnings"]
+    boxes = leaf_parts(TreePolicy.load("e.json").tree, schema)
+    dead = np.flatnonzero(~is_box(*boxes)).tolist()
+    assert said == [f"no observation reaches leaf {leaf}" for leaf in dead] != []
 
 
 def test_verify_names_mistakes(eutree, expert):

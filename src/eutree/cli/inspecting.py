@@ -226,7 +226,7 @@ def edit(
         ruled = enforce(edited.policy, rules)
         anew = ["with the rules nodes and leaves have other numbers"] * bool(edited.changes)
         changes = (*edited.changes, *anew, *ruled.changes)
-        edited = replace(ruled, changes=changes, warnings=edited.warnings)
+        edited = replace(ruled, changes=changes)  # it names all leaves that nothing reaches
     if edited.changes and out is None:
         raise InvalidArgumentError("--out must name the file to write, got none")
     if out is not None:

@@ -10,6 +10,7 @@ from eutree.errors import InvalidArgumentError, UnknownNameError
 from eutree.inspection.properties import Property, parse
 from eutree.inspection.regions import Region, is_box, leaf_parts
 from eutree.policies import TreePolicy
+from eutree.policies.reach import within_kinds
 from eutree.trees import DecisionTree
 from eutree.trees.boxes import leaf_boxes
 from eutree.trees.edit import graft
@@ -26,7 +27,7 @@ class Edited(Displayed):
     Attributes:
         policy: The policy with the changes.
         changes: The changes, in words.
-        warnings: The side effects of the changes, in words: leaves that nothing reaches any more.
+        warnings: The side effects of the changes, in words: leaves that nothing reaches.
     """
 
     policy: TreePolicy
@@ -137,8 +138,8 @@ def enforce(policy: TreePolicy, properties: str | Iterable[str]) -> Edited:
     """Return the policy with rules put above its tree, so that each property holds.
 
     Inside the box of a rule its action is chosen; everywhere else the policy decides as before.
-    The leaf of a rule is locked: ``learn`` goes on around it. Of rules that overlap, the later
-    ones must not contradict the earlier ones.
+    The leaf of a rule is locked: ``learn`` goes on around it. Tests that the kinds of features
+    answer are gone. Of rules that overlap, the later ones must not contradict the earlier ones.
 
     Args:
         policy: The policy to put under rules.
@@ -156,7 +157,10 @@ def enforce(policy: TreePolicy, properties: str | Iterable[str]) -> Edited:
         for region in rule.regions:
             policy = _with_rule(policy, rule, region, _action(policy, rule))
         changes.append(f"{rule.text}: a rule of its own now, locked")
-    return Edited(policy, tuple(changes), ())
+    policy = within_kinds(policy)
+    lost = np.flatnonzero(~is_box(*leaf_parts(policy.tree, policy.schema))).tolist()
+    warnings = tuple(f"no observation reaches leaf {leaf}" for leaf in lost)
+    return Edited(policy, tuple(changes), warnings)
 
 
 def _action(policy: TreePolicy, rule: Property) -> int:
