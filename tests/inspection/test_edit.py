@@ -92,7 +92,7 @@ def test_locks_are_stored_and_shown():
 
 
 @pytest.mark.parametrize(
-    ("preset", "episodes"), [("paper", 40), pytest.param("default", 100, marks=pytest.mark.slow)]
+    ("preset", "episodes"), [("paper", 40), pytest.param("default", 200, marks=pytest.mark.slow)]
 )
 def test_learning_goes_on_around_a_lock_and_never_changes_it(preset, episodes, tmp_path):
     env = gymnasium.make("eutree/Evasion2-v0")
