@@ -178,6 +178,7 @@ class Evaluations:
         self.earlier: list[TreePolicy] = []
         self.front: tuple[FrontEntry, ...] = ()
         self.picked: TreePolicy | None = None
+        self._room = 0  # episodes that the judgement may take where they are dear
         self.judgement: Judgement | None = None
 
     def begin_again(self) -> None:
@@ -217,10 +218,9 @@ class Evaluations:
     ) -> None:
         """Find the best tree of each size, and pick one; neither where steps are too few.
 
-        ``keeping`` makes trees keep the run's rules. The one that was ``tried`` last plays with the
-        others; without a front it is picked where it earns more than the learned one.
+        ``keeping`` makes trees keep the run's rules. The one that was ``tried`` last plays, too.
         """
-        from eutree.training.front import FEWEST, IMAGINING, Extent, earns_more, front_of_run
+        from eutree.training.front import IMAGINING, Extent, front_of_run
 
         plan, handover, at, state = self._plan, self._handover, self._state.at, self._state
         state.whole = True
@@ -250,13 +250,6 @@ class Evaluations:
                 generator=generator_of(plan.seed, Stream.FRONT, 0),
             )
             self.front, self.picked = found.entries, self._preferred(found, arena)
-        elif tried is not None and identity(learned) not in map(identity, (first, tried)):
-            starts = max(self._left() // TRIAL, 2) if plan.is_dear else FEWEST
-            if plan.seconds is not None:
-                starts = min(starts, within(time, self.played.episodes, self.played.seconds))
-            guarded = plan.keep_success or handover.prefer_proven is not None
-            if not guarded and earns_more(tried, learned, ground, starts):
-                self.picked = tried
         state.whole = False
         played = state.at.played_episodes + ground.episodes
         so_far = state.at.front_steps + ground.steps  # a run that was made longer had one before
@@ -296,12 +289,17 @@ class Evaluations:
         arena: Arena,
         *,
         given: bool = True,
+        tried: TreePolicy | None = None,
     ) -> None:
         """Decide whether the result or the start is handed over, on episodes that chose nothing.
 
-        The start ``first`` has less to say where nobody has ``given`` it.
+        The start ``first`` has less to say where nobody has ``given`` it. Without a front the one
+        that was ``tried`` last takes the place of the result if it earns more.
         """
         self._state.whole = True
+        self._room = self._left()
+        if tried is not None and self._handover.has_front and not self.front:
+            policy = self._better(policy, tried, first, arena)
         steps = self.played.steps
         if identity(policy) == identity(first):
             judgement = Judgement.same(challengers=challengers)
@@ -338,6 +336,29 @@ class Evaluations:
         self._state.move(judged=True, evaluation_steps=self._state.at.evaluation_steps + others)
         self._state.note("judgement", judgement.facts())
 
+    def _better(
+        self, policy: TreePolicy, tried: TreePolicy, first: TreePolicy, arena: Arena
+    ) -> TreePolicy:
+        """Return the one of two trees that does better; neither is the start.
+
+        Their episodes are beside those that the judgement may take, few as these may be.
+        """
+        from eutree.training.front import FEWEST, earns_more
+
+        plan, state, ground = self._plan, self._state, arena.ground(self._plan.seed)
+        guarded = plan.keep_success or self._handover.prefer_proven is not None
+        if guarded or identity(policy) in (identity(first), identity(tried)):
+            return policy
+        starts = max(self._room // TRIAL, 2) if plan.is_dear else FEWEST
+        if plan.seconds is not None:
+            time = self._seconds_left() / 4
+            starts = min(starts, within(time, self.played.episodes, self.played.seconds))
+        if earns_more(tried, policy, ground, starts):
+            self.picked = policy = tried
+        played = state.at.played_episodes + ground.episodes
+        state.move(front_steps=state.at.front_steps + ground.steps, played_episodes=played)
+        return policy
+
     @property
     def _fresh(self) -> Stream:
         """The episodes that chose nothing: where they are dear, those of the curve are such."""
@@ -354,7 +375,7 @@ class Evaluations:
         plan, seed = self._plan, self._seed(self._fresh)
         more = 2 * most
         if plan.is_dear and self._handover.episodes is None:
-            more = min(more, self._left() + beyond)
+            more = min(more, self._room + beyond)
         if plan.seconds is not None:
             self.played.of(first, [0], seed, arena)  # an episode at least, which tells the time
             time = self._seconds_left()

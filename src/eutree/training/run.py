@@ -290,7 +290,9 @@ class Run:
             self.evaluations.make_front(*known, self.keeping, _on_trial(self))
         else:
             given, tree = self.beginning.start.name in GIVEN, self.challenger()
-            self.evaluations.judge(first, tree, self.challengers, arena, given=given)
+            self.evaluations.judge(
+                first, tree, self.challengers, arena, given=given, tried=_on_trial(self)
+            )
 
 
 def _on_trial(run: Run) -> TreePolicy | None:
