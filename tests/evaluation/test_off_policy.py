@@ -259,3 +259,65 @@ def test_locked_leaves_are_not_cut():
     log = FittedLog(two_step_log(1, rarely_lost, 20), 2, 0.99)
     assert cuts(locked, log) == [locked]
     assert len(cuts(tree, log)) == 2
+
+
+def masked_log(seed, reward, n_episodes=900):
+    """Return episodes of a step: half are free, where 1 is taken in three of ten, half forced to 0.
+
+    The reward is of whether the step was free, and of the action.
+    """
+    generator = np.random.default_rng(seed)
+
+    def episode():
+        free = bool(generator.random() < 0.5)
+        action = int(free and generator.random() < 0.3)
+        return Episode(
+            generator.random((2, 2)), [action], [reward(free, action)], terminated=True,
+            truncated=False, steps={"allowed": np.array([[True, free]])},
+        )  # fmt: skip
+
+    return [episode() for _ in range(n_episodes)]
+
+
+def of_masked_log(seed, reward):
+    log = masked_log(seed, reward)
+    known, held_out = hold_out(log, np.random.default_rng(seed))
+    judge = Judge(
+        other=chooses(1.0), known=known, held_out=held_out, discount=0.99,
+        generator=np.random.default_rng(seed), return_range=(0.0, 1.0),
+    )  # fmt: skip
+    return judge.of(chooses(0.0))
+
+
+def test_a_tree_gains_only_where_its_action_was_allowed():
+    """Forced steps earn nothing, whoever decides: they speak for no tree."""
+    worse = [
+        of_masked_log(seed, lambda free, action: free * (0.6 - 0.1 * action)) for seed in SEEDS
+    ]
+    better = [of_masked_log(seed, lambda free, action: float(action)) for seed in SEEDS]
+    assert np.mean([one.gain for one in worse]) == pytest.approx(-0.05, abs=0.03)
+    assert np.mean([one.gain for one in better]) == pytest.approx(0.5, abs=0.05)
+    assert not any(one.believed for one in worse)
+    assert all(one.believed and one.low < 0.5 for one in better)
+
+
+def test_the_chances_of_masked_actions_are_those_among_the_allowed():
+    """Of three actions the one that is seldom allowed is taken most where it is."""
+    generator = np.random.default_rng(0)
+    liking = np.array([1.0, 2.0, 5.0])
+
+    def episode():
+        allowed = generator.random((10, 3)) < (0.95, 0.5, 0.2)
+        allowed[~allowed.any(axis=1), 0] = True
+        chances = liking * allowed / (liking * allowed).sum(axis=1, keepdims=True)
+        actions = [generator.choice(3, p=row) for row in chances]
+        return Episode(
+            generator.random((11, 2)), actions, np.zeros(10), terminated=True, truncated=False,
+            steps={"allowed": allowed},
+        ), chances  # fmt: skip
+
+    log = [episode() for _ in range(500)]
+    fitted = FittedLog([one for one, _ in log], 3, 0.99)
+    told = np.concatenate([fitted.told(one).chances for one, _ in log])
+    assert np.abs(told - np.concatenate([chances for _, chances in log])).mean() < 0.02
+    assert not told[~np.concatenate([one.allowed for one, _ in log])].any()

@@ -16,7 +16,8 @@ that were never recorded. There are two such numbers:
   2002): the gains of deviating once, added up. Its only bounds are the numbers seen.
 
 Advantages are generalized ones (Schulman et al. 2016, Eq. 16) with V fitted to episodes that do not
-judge; mu is the shares of actions in the leaves of a C4.5 tree of those.
+judge; mu is the shares of actions in the leaves of a C4.5 tree of those. Where actions are masked
+the trees decide among those allowed, and so did the actor: its tree sees the masks, too.
 """
 
 from collections.abc import Sequence
@@ -25,7 +26,7 @@ from typing import NamedTuple, cast
 
 import numpy as np
 
-from eutree.arrays import Floats, Integers
+from eutree.arrays import Booleans, Floats, Integers
 from eutree.c45 import C45Settings, grow
 from eutree.data import Episode
 from eutree.policies import TreePolicy
@@ -37,6 +38,7 @@ SWEEPS = 5  # fits of V, each to returns that go on behind a truncated end by th
 LEAVES = 32
 ROWS_PER_LEAF = 20
 LAMBDA = 0.9
+ROUNDS = 50  # of the shares of actions among those allowed
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,11 +73,16 @@ class FittedLog:
         self.n_actions, self._discount = n_actions, discount
         rows = np.concatenate([e.observations[:-1] for e in self.episodes])  # [N, d]
         actions = np.concatenate([e.actions for e in self.episodes])  # [N]
-        grown = grow(rows, actions, n_classes=n_actions, settings=C45Settings())
+        allowed = np.concatenate([_allowed(e, n_actions) for e in self.episodes])  # [N, A]
+        self._masked = not allowed.all()
+        seen = np.hstack([rows, allowed]) if self._masked else rows
+        grown = grow(seen, actions, n_classes=n_actions, settings=C45Settings())
         self._tree, _ = grown.to_decision_tree()
+        chosen = allowed.sum(axis=1) > 1  # what is forced says nothing of preferences
+        leaves = self._tree.leaf_index(seen)[chosen]
         counts = np.ones((self._tree.n_leaves, n_actions))  # Laplace's: nothing is impossible
-        np.add.at(counts, (self._tree.leaf_index(rows), actions), 1.0)
-        self._chances = counts / counts.sum(axis=1, keepdims=True)  # [L, A]
+        np.add.at(counts, (leaves, actions[chosen]), 1.0)
+        self._shares = _among_allowed(counts, leaves, allowed[chosen])  # [L, A]
         self._cache: dict[int, ToldEpisode] = {}
         self._value = _fitted_value(rows, self.episodes, discount)
 
@@ -83,7 +90,10 @@ class FittedLog:
         """Return V and mu at an episode's steps; once for all trees that are compared."""
         told = self._cache.get(id(episode))
         if told is None or told.episode is not episode:
-            chances = self._chances[self._tree.leaf_index(episode.observations[:-1])]
+            rows, allowed = episode.observations[:-1], _allowed(episode, self.n_actions)
+            seen = np.hstack([rows, allowed]) if self._masked else rows
+            chances = self._shares[self._tree.leaf_index(seen)] * allowed
+            chances /= chances.sum(axis=1, keepdims=True)
             values = self._value.predict(episode.observations)
             ahead = values[1:].copy()
             if episode.terminated:
@@ -126,8 +136,30 @@ def rows_of(policy: TreePolicy, episode: Episode) -> Floats:
 
 def decisions(policy: TreePolicy, episode: Episode) -> Integers:
     """Return a tree's actions at each step, shape [T]."""
-    taken: Integers = policy.actions[policy.tree.leaf_index(rows_of(policy, episode))]
+    taken: Integers = policy.decide(rows_of(policy, episode), episode.allowed)
     return taken
+
+
+def _allowed(episode: Episode, n_actions: int) -> Booleans:
+    """Return which actions were allowed at each step, [T, A]."""
+    known = episode.allowed
+    return np.ones((len(episode), n_actions), np.bool_) if known is None else known
+
+
+def _among_allowed(counts: Floats, leaves: Integers, allowed: Booleans) -> Floats:
+    """Return the shares, [L, A], by which the allowed actions divide the choices in each leaf.
+
+    An action that is seldom allowed has a small part of the ``counts``, [L, A], and yet may be
+    preferred. So they are the likeliest for the leaves and masks of all steps, [N] and [N, A]
+    (Hunter, *MM algorithms for generalized Bradley-Terry models*, Annals of Statistics 2004).
+    """
+    shares = counts
+    for _ in range(0 if allowed.all() else ROUNDS):
+        shares = shares / shares.sum(axis=1, keepdims=True)
+        chances = np.full(counts.shape, float(counts.shape[1]))  # Laplace's steps allow everything
+        np.add.at(chances, leaves, allowed / (shares[leaves] * allowed).sum(axis=1, keepdims=True))
+        shares = counts / chances
+    return shares
 
 
 class _Differing:

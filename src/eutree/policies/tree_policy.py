@@ -346,9 +346,9 @@ class TreePolicy(Displayed, Frozen):
             if self.features.is_identity and derivation.remembered:
                 state = array
         if self.features.is_identity:
-            return self._decide(array, action_masks), state
+            return self.decide(array, action_masks), state
         state = self.features.after(state, array, episode_start)
-        actions = self._decide(state, action_masks)
+        actions = self.decide(state, action_masks)
         if self.past_actions:  # the action chosen on these features follows them
             state = np.concatenate([state, np.asarray(actions, np.float64)[..., None]], axis=-1)
         return actions, state
@@ -379,8 +379,8 @@ class TreePolicy(Displayed, Frozen):
         values: Floats = np.array(self.schema.action_values)[actions]
         return values, state
 
-    def _decide(self, features: Floats, masks: ArrayLike | None) -> Any:
-        """Return the action for features [n_features], or the actions for [E, n_features]."""
+    def decide(self, features: Floats, masks: ArrayLike | None = None) -> Any:
+        """Return the action for features [d] and a mask [A], or those for [E, d] and [E, A]."""
         n_actions = self.schema.n_actions
         if features.ndim == 1:
             allowed = None if masks is None else check_masks(masks, (n_actions,))
