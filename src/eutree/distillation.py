@@ -20,7 +20,7 @@ from eutree.c45 import grow
 from eutree.compression.smaller_trees import Costs, Prunings, merged
 from eutree.contests import best
 from eutree.data import Demonstrations, Episode
-from eutree.data.demonstrations import check_shown, lessons, taught_in, weights_in
+from eutree.data.demonstrations import check_shown, lesson_masks, lessons, taught_in, weights_in
 from eutree.data.episode import CUT, allowed_in
 from eutree.errors import InvalidArgumentError, needed
 from eutree.evaluation import Evaluation, Interval, evaluate
@@ -286,6 +286,7 @@ def distill(
     observations, actions = lessons(shown)
     worth = weights_in(shown)[taught_in(shown) != CUT]
     seen, right, steps = [observations], [actions], shown.n_transitions
+    masks = [lesson_masks(shown)]
     trees: list[TreePolicy] = []
     results: list[Evaluation] = []
     rounds: list[Round] = []
@@ -296,6 +297,7 @@ def distill(
             steps += len(episode)
             seen.append(episode.observations[:-1])
             right.append(actions_on(policy, episode, guarded))
+            masks.append(episode.allowed)
         observations = np.concatenate(seen)
         weight = np.ones(len(observations)) if stakes is None else weights(stakes(observations))
         weight[: worth.size] *= worth  # of what a tree did before a person took over: nothing
@@ -306,7 +308,8 @@ def distill(
         where, n = (env, None) if spec is None else (spec, n_jobs)
         n_episodes = settings.validation_episodes
         results.append(evaluate(tree, where, episodes=n_episodes, seed=validation, n_jobs=n))
-        same = float((tree.predict(data.observations)[0] == data.actions).mean())
+        decided = np.concatenate([tree.decide(*part) for part in zip(seen, masks, strict=True)])
+        same = float((decided == data.actions).mean())
         rounds.append(Round(data.actions.size, tree.n_leaves, same, results[-1].mean_return))
         if on_round is not None:
             on_round(number, rounds[-1])

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from eutree.arrays import Floats, Frozen, Integers
-from eutree.data.episode import CUT, TAUGHT, Episode, episodes_from_rows, schema_for
+from eutree.arrays import Booleans, Floats, Frozen, Integers
+from eutree.data.episode import CUT, TAUGHT, Episode, allowed_in, episodes_from_rows, schema_for
 from eutree.data.files import DemonstrationFolder, misfit, save_folder
 from eutree.display import Displayed, counted
 from eutree.errors import InvalidArgumentError, blamed
@@ -338,6 +338,12 @@ def lessons(demonstrations: Demonstrations) -> tuple[Floats, Integers]:
     """Return the steps to imitate: observations [n, d] and actions [n], without those cut."""
     taught = taught_in(demonstrations)
     return demonstrations.observations[taught != CUT], taught[taught != CUT]
+
+
+def lesson_masks(demonstrations: Demonstrations) -> Booleans | None:
+    """Return which actions were allowed at these steps, [n, A]; None where none was masked."""
+    allowed = allowed_in(demonstrations)
+    return None if allowed is None else allowed[taught_in(demonstrations) != CUT]
 
 
 def teaching(demonstrations: Demonstrations, taught: Integers) -> Demonstrations:

@@ -9,10 +9,11 @@ from eutree.data import Demonstrations
 from eutree.data.demonstrations import lessons
 from eutree.data.episode import DROPPED
 from eutree.evaluation import Evaluation
-from eutree.fitting.playing import Played, blame, shown_in
+from eutree.fitting.playing import Played, blame
 from eutree.fitting.report import Person, result_in_words, verdict
 from eutree.inspection import Region
 from eutree.inspection.regions import domain
+from eutree.learners.starts import shown_in
 from eutree.policies import TreePolicy
 from eutree.trees.boxes import leaf_boxes
 from eutree.trees.text import printable
@@ -93,7 +94,7 @@ def _without_evidence(demonstrations: Demonstrations) -> str:
 
 def about_size(policy: TreePolicy, demonstrations: Demonstrations) -> list[str]:
     """Return that a tree has one leaf although several actions were shown."""
-    counts = np.bincount(lessons(demonstrations)[1], minlength=policy.schema.n_actions)
+    counts = shown_in(policy, demonstrations, free=True)[0]
     if policy.n_leaves > 1 or np.count_nonzero(counts) < 2:
         return []
     names = policy.schema.actions
@@ -128,7 +129,7 @@ def harms(played: Played, demonstrations: Demonstrations) -> list[Harm]:
     ended = [episode.undiscounted_return for episode in known]
     below = None if played.evaluation.successes is not None else min(ended, default=np.nan)
     failed = played.failed(np.nan if below is None else below)
-    endings, shown = played.evaluation.endings, shown_in(played.policy, demonstrations)
+    endings, shown = played.evaluation.endings, shown_in(played.policy, demonstrations, free=True)
     found = []
     for ending in np.unique(endings[failed]).tolist():
         so = failed & (endings == ending)

@@ -17,12 +17,12 @@ from eutree.c45 import C45Settings
 from eutree.contests import Halving
 from eutree.data import Demonstrations, Episode
 from eutree.data import derive as with_derived
-from eutree.data.demonstrations import lessons
+from eutree.data.demonstrations import lesson_masks, lessons
 from eutree.data.episode import allowed_in
 from eutree.errors import EutreeError, InvalidArgumentError
 from eutree.fitting.combining import confirm, propose
 from eutree.fitting.diagnosis import about_demonstrations, about_result, about_size, harms, in_words
-from eutree.fitting.playing import Played, Player, Progress, most_guilty, repairs, shown_in
+from eutree.fitting.playing import Played, Player, Progress, most_guilty, repairs
 from eutree.fitting.playing import practise as learn_on
 from eutree.fitting.report import FitReport, Person
 from eutree.inspection import keep_monotone, monotone_rules
@@ -33,9 +33,11 @@ from eutree.learners.starts import (
     RELEASE_8,
     SETTINGS,
     FittedTree,
+    as_shown,
     best_left_out,
     fitted_trees,
     promising,
+    shown_in,
 )
 from eutree.policies import TreePolicy
 from eutree.policies.reach import ever_allowed
@@ -96,6 +98,7 @@ def _repaired(
     """Yield the repairs of the leaves that have most to do with failing."""
     for leaf in most_guilty(played, person.mean_return, BLAMED_LEAVES):
         for policy, words in repairs(fitted.policy, demonstrations, leaf):
+            policy = as_shown(policy, demonstrations)
             yield replace(fitted, policy=policy, repairs=(*fitted.repairs, words))
 
 
@@ -318,8 +321,9 @@ def _report(
             for harm in found_harms
             if worse or harm.holds_on
         ]
-    observations, actions = lessons(demonstrations.with_history(policy.history))
-    decided = policy.actions[policy.tree.leaf_index(observations)]
+    known = demonstrations.with_history(policy.history)
+    observations, actions = lessons(known)
+    decided = policy.decide(observations, lesson_masks(known))
     return FitReport(
         policy=policy,
         person=person,

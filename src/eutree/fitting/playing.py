@@ -16,6 +16,7 @@ from eutree.evaluation import Evaluation
 from eutree.interaction import GuardedEnv, episode_seed, run_episode
 from eutree.interaction.episode import Stream
 from eutree.learners import ModelPlanning, PlanningMethod
+from eutree.learners.starts import shown_in
 from eutree.policies import TreePolicy
 from eutree.policy_search.planner import Planner
 from eutree.training import Run, learn
@@ -122,15 +123,6 @@ def contest(
     return hold(rule, new_table(len(entrants), rule.most), run).winner, plays
 
 
-def shown_in(policy: TreePolicy, demonstrations: Demonstrations) -> Integers:
-    """Return how often each action was shown in each leaf, shape [L, A]."""
-    known = demonstrations.with_history(policy.history)
-    counts = np.zeros((policy.n_leaves, policy.schema.n_actions), dtype=np.int64)
-    observations, actions = lessons(known)
-    np.add.at(counts, (policy.tree.leaf_index(observations), actions), 1)
-    return counts
-
-
 def blame(played: Played, failed: Booleans) -> Floats:
     """Return how much each leaf has to do with failing, shape [L].
 
@@ -187,7 +179,7 @@ def repairs(
 
 def _labelled(policy: TreePolicy, labels: Integers) -> TreePolicy:
     tree, actions = merge(policy.tree, labels)
-    return replace(policy, tree=tree, actions=actions)
+    return replace(policy, tree=tree, actions=actions, leaves=None)
 
 
 def _cut(policy: TreePolicy, demonstrations: Demonstrations, leaf: int) -> TreePolicy:

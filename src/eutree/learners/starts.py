@@ -16,15 +16,15 @@ from typing import get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from eutree.arrays import Floats
+from eutree.arrays import Floats, Integers
 from eutree.c45 import C45Settings, grow, warn_of_light
 from eutree.data import Demonstrations, Episode
-from eutree.data.demonstrations import check_shown, lessons, taught_in, weights_in
+from eutree.data.demonstrations import check_shown, lesson_masks, lessons, taught_in, weights_in
 from eutree.data.episode import CUT, allowed_in
 from eutree.display import counted
 from eutree.errors import InvalidArgumentError
 from eutree.learners.learner import Problem, Start, StartName
-from eutree.policies import TreePolicy
+from eutree.policies import LeafStatistics, TreePolicy
 from eutree.policies.reach import among_allowed, within_kinds
 from eutree.trees import DecisionTree
 from eutree.trees.boxes import leaf_boxes
@@ -72,7 +72,28 @@ def fit_expert_tree(
     allowed = allowed_in(demonstrations)
     if allowed is None:
         return policy
+    policy = as_shown(replace(policy, masked=True), demonstrations)
     return among_allowed(policy, demonstrations.observations, allowed)
+
+
+def shown_in(policy: TreePolicy, demonstrations: Demonstrations, *, free: bool = False) -> Integers:
+    """Return how often each action was shown in each leaf, or where its own was free, [L, A]."""
+    known = demonstrations.with_history(policy.history)
+    observations, actions = lessons(known)
+    leaves, masks = policy.tree.leaf_index(observations), lesson_masks(known) if free else None
+    counts = np.zeros((policy.n_leaves, policy.schema.n_actions), dtype=np.int64)
+    times = 1 if masks is None else masks[np.arange(leaves.size), policy.actions[leaves]]
+    np.add.at(counts, (leaves, actions), times)
+    return counts
+
+
+def as_shown(policy: TreePolicy, demonstrations: Demonstrations) -> TreePolicy:
+    """Return the policy; where actions are masked, a leaf falls back on those shown in it."""
+    if not policy.masked:
+        return policy
+    visits = shown_in(policy, demonstrations)
+    unknown = np.full(visits.shape, np.nan)
+    return replace(policy, leaves=LeafStatistics(visits, unknown, unknown))
 
 
 # The expert trees of release 8 come first. Its penalty for cuts of continuous attributes,
@@ -182,7 +203,7 @@ def _correct(demonstrations: Demonstrations, settings: C45Settings) -> Floats:
         tree = fit_expert_tree(replace(demonstrations, episodes=rest), settings=settings)
         for number in range(fold, len(episodes), n_folds):
             episode = episodes[number]
-            decided = tree.actions[tree.tree.leaf_index(episode.observations[:-1])]
+            decided = tree.decide(episode.observations[:-1], episode.allowed)
             correct[number] = (decided == episode.taught)[episode.taught != CUT].mean()
     return correct
 
