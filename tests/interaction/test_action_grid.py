@@ -185,6 +185,23 @@ def test_the_policy_returns_quantities():
         policy_of(tree(2, 3), Schema.anonymous(3, 2)).predict_values(rows)
 
 
+def test_quantities_are_those_of_an_allowed_action():
+    policy = replace(mixed(), masked=True)
+    rows = np.random.default_rng(0).normal(size=(40, 3))
+    masks = np.ones((40, policy.schema.n_actions), dtype=bool)
+    masks[np.arange(40), policy.predict(rows)[0]] = False
+    actions, _ = policy.predict(rows, action_masks=masks)
+    values, _ = policy.predict_values(rows, action_masks=masks)
+    assert [tuple(row) for row in values.tolist()] == [
+        policy.schema.action_values[action] for action in actions
+    ]
+    alone, _ = policy.predict_values(rows[0], action_masks=masks[0])
+    assert alone.tolist() == values[0].tolist() != policy.predict_values(rows[0])[0].tolist()
+    heard = "It is the row of NAME_values then: functions of single values hear no masks."
+    assert heard in to_c(policy)
+    assert heard not in to_c(mixed())
+
+
 def expected(policy, rows):
     return policy.predict_values(rows)[0]
 

@@ -112,6 +112,8 @@ def _heading(policy: TreePolicy, kind: Numbers) -> list[str]:
             "",
             "Where actions are masked ask NAME_allowed, with a 1 for each that is allowed.",
         ]
+    if policy.masked and policy.schema.controls:
+        lines.append("It is the row of NAME_values then: functions of single values hear no masks.")
     if kind.number == "int32":
         lines += ["", "Saturate what does not fit into 32 bits; do not let it wrap around."]
     else:

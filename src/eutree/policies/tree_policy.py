@@ -354,7 +354,12 @@ class TreePolicy(Displayed, Frozen):
         return actions, state
 
     def predict_values(
-        self, observation: Any, state: Floats | None = None, episode_start: ArrayLike | None = None
+        self,
+        observation: Any,
+        state: Floats | None = None,
+        episode_start: ArrayLike | None = None,
+        *,
+        action_masks: ArrayLike | None = None,
     ) -> tuple[Floats, Floats | None]:
         """Return the levels to which the actions for observations set the schema's K controls.
 
@@ -362,6 +367,7 @@ class TreePolicy(Displayed, Frozen):
             observation: As in ``predict``, shape [d] or [E, d].
             state: As in ``predict``.
             episode_start: As in ``predict``.
+            action_masks: As in ``predict``.
 
         Returns:
             Numbers of shape [K] or [E, K], in the units of the controls; and the state.
@@ -375,7 +381,7 @@ class TreePolicy(Displayed, Frozen):
                 "predict_values needs actions that set quantities (an action grid), got "
                 f"{', '.join(self.schema.actions)}"
             )
-        actions, state = self.predict(observation, state, episode_start)
+        actions, state = self.predict(observation, state, episode_start, action_masks=action_masks)
         values: Floats = np.array(self.schema.action_values)[actions]
         return values, state
 
