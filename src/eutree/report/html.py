@@ -84,13 +84,9 @@ Verdict = Sequence[str | Pointer]
 
 
 def head(title: str, verdict: Verdict, facts: Sequence[str] = (), *, beside: str = "") -> str:
-    """Return the head of a page.
+    """Return the head of a page: its subject, the verdict, and facts on how that was found.
 
-    Args:
-        title: The subject of the page.
-        verdict: The most important sentence; parts of it may point at a place of the page.
-        facts: Sentences on how the verdict was found.
-        beside: HTML that stands beside the words.
+    Parts of the verdict may point at a place of the page; ``beside`` is HTML beside the words.
     """
     sentence = "".join(map(_part, verdict))
     said = f'<p class="verdict">{sentence}</p>' if sentence else ""

@@ -112,11 +112,7 @@ def _finished(state: RunState) -> int:
 
 
 class Racing:
-    """Runs the episodes that the policy search asks for.
-
-    Args:
-        plan: The run's seed, and its seconds.
-        state: Where the run stands; the race's steps are counted and noted there.
+    """Runs the episodes that the policy search asks for, counted and noted in the run's state.
 
     Attributes:
         search: The policy search; None before it begins and after its end.

@@ -52,11 +52,8 @@ class Extent:
     def of(cls, steps: int, taken: int, episodes: int, *, least: int = 0) -> "Extent | None":
         """Return the effort that so many steps are enough for, if any.
 
-        Args:
-            steps: Steps that may be played.
-            taken: Steps of the run.
-            episodes: Its episodes.
-            least: Trees that have to play, from however few starts.
+        The run has taken so many steps in so many episodes. At the ``least`` so many trees have to
+        play, from however few starts.
         """
         affordable = steps / (ROUNDS * max(taken / max(episodes, 1), 1.0))
         starts = int(np.clip(affordable / TREES, FEWEST, MOST))

@@ -188,12 +188,8 @@ def judged(
 ) -> Judgement:
     """Return the judgement of two evaluations on the same episodes.
 
-    Args:
-        start: The episodes of the start.
-        learned: Those of the learned tree.
-        known: Lowest and highest return of an episode; None where they are not known.
-        challengers: Trees that were put to the test.
-        sizes: Leaves of both; by default as the evaluations say.
+    ``known`` are the lowest and highest return of an episode; the ``sizes`` of both, in leaves, are
+    by default as the evaluations say.
     """
     found = against(learned, start, known=known)
     sizes = sizes or (start.n_leaves or 0, learned.n_leaves or 0)
@@ -320,13 +316,8 @@ def handover_for(method: Method, asked: Handover) -> Handover | None:
 class Duel:
     """The start and the learned tree in the same episodes; row 0 of the table is the start.
 
-    Args:
-        start: The policy that the run began with.
-        learned: The policy that it learned.
-        play: Plays a policy from some starts, all of them fresh.
-        most: Most pairs.
-        steps: Most steps of both; None for no limit.
-        patience: Pairs after which they play on only while one is clearly ahead; None for all.
+    All starts are fresh. There are ``most`` pairs at the most, and ``steps`` of both, None for no
+    limit; after ``patience`` pairs they play on only while one is clearly ahead.
     """
 
     def __init__(

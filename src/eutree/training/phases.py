@@ -59,11 +59,8 @@ def curve_of(
 ) -> tuple[int, int]:
     """Return the episodes between two evaluations, and those of each, as far as nobody named them.
 
-    Args:
-        every: As it was named; None where it was not.
-        episodes: As they were named; None where they were not.
-        expected: Episodes of the run, where it has to keep to proportion.
-        decides: Whether evaluations along the way decide; else the first and the last do.
+    ``expected`` are those of the run, where it has to keep to proportion. ``decides`` says whether
+    evaluations along the way decide; else the first and the last do.
     """
     if expected is None or not is_dear(expected):
         return every or EVERY, episodes or EPISODES
@@ -76,11 +73,8 @@ def curve_of(
 def left(lived: float, played: int) -> int:
     """Return how many episodes may still be played at the end of a run.
 
-    A quarter of the allowance is, whatever was played before: that was asked for by name.
-
-    Args:
-        lived: Episodes that were learned from, races included.
-        played: Episodes that were played beside.
+    A quarter of the allowance is, whatever was played beside those lived, races included: that was
+    asked for by name.
     """
     return max(allowance(lived) - played, allowance(lived) // 4, 2)
 
@@ -227,13 +221,8 @@ def due(
 ) -> Phase | None:
     """Return the phase that comes next; None at the end of the run.
 
-    Args:
-        plan: How long the run is.
-        at: Where it stands.
-        gathering_episodes: Episodes that the learner gathers between two updates.
-        max_episode_steps: Most steps of an episode; None takes the longest so far.
-        gathering_steps: Steps after which it is updated though the episodes are fewer, five at
-            least; None for none.
+    Between two updates the learner gathers so many episodes or, five at least, so many steps. The
+    longest episode so far stands for an unknown ``max_episode_steps``.
     """
     if not plan.gathers:
         return None if at.settled or at.updates >= plan.episodes else Phase.UPDATE

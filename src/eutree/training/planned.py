@@ -74,11 +74,8 @@ def default_for(
 ) -> ChosenMethod:
     """Return the method that learns where none is named, and why.
 
-    Args:
-        shown: Demonstrations that the run starts from, if any.
-        steps: Its budget of environment steps; None where it is counted otherwise.
-        teacher: Whether there is a teacher to ask.
-        features: How many the environment has, if a run may show itself what nobody has shown.
+    ``steps`` are the budget, None where it is counted otherwise. ``features`` is how many the
+    environment has, if a run may show itself what nobody has shown.
     """
     if teacher:
         return ChosenMethod(method_of(TEACHING), "distilled-dqn learns: it asks the teacher")

@@ -241,11 +241,7 @@ class Proposals:
 
         They are tried in the model that is closest to the incumbent's returns. Where it is wrong
         they may lead astray, so each tree is proposed as it is cut to size, annealed and climbed.
-
-        Args:
-            policy: The incumbent.
-            own: Real episodes of it.
-            episodes: All episodes run so far.
+        The ``own`` episodes are the incumbent's, the others all that were run so far.
         """
         missed = [(self._missed(one, policy, own).mean(), one) for one in self._models(episodes)]
         rollouts = self._rollouts(min(missed, key=lambda item: item[0])[1])

@@ -79,13 +79,9 @@ class RacedEpisodes:
     def take_back(
         self, episodes: Sequence[Episode], n_known: int, tree: TreePolicy, own: Sequence[int]
     ) -> None:
-        """Stand where a search stood after ``n_known`` of the episodes.
+        """Stand where a search stood after ``n_known`` of the episodes, which go on after that.
 
-        Args:
-            episodes: All that were run, also after that.
-            n_known: How many the state of the search knows of.
-            tree: Whose episodes of the present block it knows.
-            own: Their numbers.
+        Of the present block it knows the ``tree``'s ``own`` episodes, by their numbers.
         """
         self.all = list(episodes[:n_known])
         self.returns = array("d", [episode.undiscounted_return for episode in self.all])
