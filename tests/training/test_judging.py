@@ -188,7 +188,9 @@ def test_the_tree_that_is_on_trial_at_the_end_meets_a_start_that_was_kept(monkey
 
 
 @pytest.mark.parametrize(("tried", "taken"), [((0, 5.0, 1), True), ((0, 7.1, 1), False)])
-def test_the_tree_that_is_on_trial_at_the_end_meets_the_learned_one(monkeypatch, tried, taken):
+def test_the_tree_that_is_on_trial_at_the_end_meets_the_learned_one(
+    monkeypatch, tmp_path, tried, taken
+):
     """The learned tree, which had been adopted, was handed over whatever waited behind it."""
     tree = policy_of(*tried)
     monkeypatch.setattr(Run, "learned", lambda _: WRONG)
@@ -197,6 +199,7 @@ def test_the_tree_that_is_on_trial_at_the_end_meets_the_learned_one(monkeypatch,
     result = eutree.learn(Corridor(), expert=policy_of(0), **asked)
     assert result.environment_steps.front > 0
     assert identity(result.policy) == identity(tree if taken else WRONG)
+    assert ("; last adopted: " in in_words(result, tmp_path, recorded=None)) == taken
     assert identity(result.learned) == identity(WRONG)
 
 

@@ -112,6 +112,8 @@ def in_words(result: "LearningResult", out: Path, *, recorded: int | None) -> st
     ``recorded`` are the episodes that all was learned from; None if it gathered its own.
     """
     last = result.curve[-1].describe() if result.curve else counted(result.policy.n_leaves, "leaf")
+    if result.picked is not None and not result.front:  # it was on trial, and no curve knows it
+        last = f"last adopted: {last}"
     experience = f"{counted(result.episodes, 'episode')}, {counted(result.steps, 'step')}"
     if recorded is not None:
         experience = f"{counted(recorded, 'recorded episode')}, none of its own"
