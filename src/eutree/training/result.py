@@ -152,9 +152,9 @@ class LearningResult(Displayed):
 
 
 def picked_of(run: Run) -> TreePolicy | None:
-    """Return the pick of a finished run's front, else the tree on trial if that met the start."""
-    met = run.challenger()
-    is_learned = identity(met) == identity(run.learned())
+    """Return the pick of a run's front, else the tree on trial if that met the start."""
+    met = run.challenger() if run.at.judged else run.evaluations.picked
+    is_learned = met is None or identity(met) == identity(run.learned())
     return None if run.evaluations.picked is None and is_learned else met
 
 
