@@ -303,10 +303,8 @@ def _by_playing(
     if most is not None and exact.n_leaves > most:
         known.append(Ladder(policy, costs).of_size(most))
     front = front_of(policy, known, ground, demand, finish)
-    if front.picked is None and len(known) > 1:
-        return known[1], "budget", None, front.entries
     if front.picked is None:
-        return exact, "merge", None, front.entries
+        return known[-1], "budget" if len(known) > 1 else "merge", None, front.entries
     return front.picked, "return", front.verdict, front.entries
 
 

@@ -40,7 +40,8 @@ class Costs:
         """
         leaves = policy.tree.leaf_index(rows)
         others = np.not_equal.outer(policy.actions, np.arange(policy.schema.n_actions))
-        of_action = (others.astype(np.float64) if weights == "visits" else _gaps(policy))[leaves]
+        per_leaf = others.astype(np.float64) if weights == "visits" else _gaps(policy)
+        of_action = per_leaf[leaves]
         return cls(rows, of_action, float(of_action.max(axis=1, initial=0.0).sum()))
 
     def of_leaves(self, tree: DecisionTree) -> Floats:
@@ -115,7 +116,8 @@ class Prunings:
                 continue
             ones, others = self._best[left], self._best[right]
             lefts = np.arange(max(1, size - others.size), min(ones.size, size - 1) + 1)
-            chosen = int(lefts[(ones[lefts - 1] + others[size - lefts - 1]).argmin()])
+            sums = ones[lefts - 1] + others[size - lefts - 1]
+            chosen = int(lefts[sums.argmin()])
             work += [(left, chosen), (right, size - chosen)]
         return with_tree(self.policy, *rebuild(tree, np.arange(tree.n_nodes), label))
 

@@ -82,12 +82,14 @@ def _ensemble(policy: TreePolicy) -> dict[str, Any]:
 
 def _metadata(policy: TreePolicy) -> dict[str, str]:
     features, controls = policy.schema.features, policy.schema.controls
+    set_by = {"controls": json.dumps([control.label for control in controls])} if controls else {}
+    assumed = {"assumption": ASSUMPTION} if policy.masked else {}
     return {
         "features": json.dumps([feature.name for feature in features]),
         "units": json.dumps([feature.unit for feature in features]),
         "actions": json.dumps(list(policy.schema.actions)),
-        **({"controls": json.dumps([control.label for control in controls])} if controls else {}),
-        **({"assumption": ASSUMPTION} if policy.masked else {}),
+        **set_by,
+        **assumed,
     }
 
 

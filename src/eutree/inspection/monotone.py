@@ -128,7 +128,8 @@ def _labels(
         pairs = [(one, two) for known, one, two in edges if known == chosen]
         one, two = (np.concatenate(part) for part in zip(*pairs, strict=True))
         member = np.isin(np.arange(worth.shape[1]), list(chosen))
-        allowed = allowed & (member == _closed(worth, allowed, member, one, two)[:, np.newaxis])
+        has = _closed(worth, allowed, member, one, two)
+        allowed = allowed & (member == has[:, np.newaxis])
     if not allowed.any(axis=1).all():
         return np.empty(0, np.int64)
     labels: Integers = np.where(allowed, worth, -np.inf).argmax(axis=1)

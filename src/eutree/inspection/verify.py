@@ -186,7 +186,8 @@ def _part(
         has = np.isin(policy.actions[reaching], list(asked.actions))
         wrong = reaching[has if asked.kind == "never" else ~has]
         found = _examples(policy, region, wrong, (low, high), occurring.within)
-    size = float(volumes(region.low, region.high, *_finite(policy, domain(schema)), schema))
+    whole = _finite(policy, domain(schema))
+    size = float(volumes(region.low, region.high, *whole, schema))
     return _Part(found, int(reaching.size), size, is_asked)
 
 

@@ -75,7 +75,8 @@ def _joined(observation: Any, names: Sequence[str]) -> Floats:
     size = len(names)
     try:
         total = sum(column.size for _, column in _columns(observation, None))
-        columns = _columns(observation, None if total == size or total % size else total // size)
+        copies = None if total == size or total % size else total // size
+        columns = _columns(observation, copies)
     except (TypeError, ValueError):
         columns = []
     found = [name for name, _ in columns]

@@ -132,7 +132,8 @@ class Controls:
         if self.toggle and not self.pace.turn_based:
             idle = self.action if self.keys.idle is None else self.keys.idle
             return idle if self._switched is None else self._switched
-        return self.keys.action(list(self.held) if self.turn is None else self.turn, self.action)
+        held = list(self.held) if self.turn is None else self.turn
+        return self.keys.action(held, self.action)
 
     def command(self, key: str, *, playing: bool) -> Command | None:
         """Return the command that a key means, while an episode is played or between two."""

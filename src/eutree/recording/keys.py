@@ -214,7 +214,8 @@ def _arrow(name: str) -> str | None:
         if word in _ARROWS
         and not (word in _PARTICLES and place and words[place - 1] not in _MOTIONS)
     ]
-    return next(iter([arrow for arrow in said if arrow in ("left", "right")] or said), None)
+    sideways = [arrow for arrow in said if arrow in ("left", "right")]
+    return next(iter(sideways or said), None)
 
 
 def _with_idle(
@@ -238,7 +239,8 @@ def _action(text: str, schema: Schema) -> int:
         return schema.actions.index(text)
     if re.fullmatch("[0-9]{1,9}", text) and int(text) < schema.n_actions:
         return int(text)
-    raise UnknownNameError("action", text, [*schema.actions, *map(str, range(schema.n_actions))])
+    known = [*schema.actions, *map(str, range(schema.n_actions))]
+    raise UnknownNameError("action", text, known)
 
 
 def _name(code: object) -> str | None:

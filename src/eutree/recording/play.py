@@ -30,10 +30,8 @@ _TOLERANCE = 1e-9
 class Pictures:
     """Renders an environment and numbers the pictures from 1.
 
-    An environment with ``render_between(share)`` moves between two steps.
-
-    Args:
-        env: The environment, made with ``render_mode="rgb_array"``.
+    One made with ``render_mode="rgb_array"``; with ``render_between(share)`` it moves between two
+    steps.
 
     Attributes:
         given: Number of the last picture given out.

@@ -70,10 +70,11 @@ class Recorder:
         self._failure: FileError | None = None
         settings = settings or SessionSettings()
         look_at(env, None if recorded else episode_seed(settings.seed, 0, Stream.PERSON))
+        first = max(settings.first, max(self._files, default=-1) + 1)
         self.session = Session(
             guarded,
             keys=keys,
-            settings=replace(settings, first=max(settings.first, max(self._files, default=-1) + 1)),
+            settings=replace(settings, first=first),
             recorded=recorded,
             free_start=self.folder.next_number,
         )

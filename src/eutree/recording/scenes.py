@@ -178,9 +178,10 @@ def _sentence(
 ) -> str:
     names = policy.schema.actions
     taken = int(shown.actions[step])
+    stays = shown.truncated and (shown.actions[step:] == taken).all()
     did = (
         f"From step {step + 1} on it took only {printable(names[taken])}"
-        if shown.truncated and (shown.actions[step:] == taken).all()
+        if stays
         else f"At step {step + 1} it took {printable(names[taken])}"
     )
     where = _circumstances(shown, step, policy)

@@ -60,10 +60,6 @@ class Teacher:
 class AskedTeacher:
     """A teacher of one's own as a learner sees it, who senses the environment's features.
 
-    Args:
-        teacher: The teacher.
-        env: Where it decides.
-
     Attributes:
         reads_features: As a policy it gets the vector of the environment's features.
     """

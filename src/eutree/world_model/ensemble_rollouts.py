@@ -20,12 +20,8 @@ PESSIMISM = 0.5  # standard deviations of the members that are taken off a score
 class EnsembleRollouts(Rollouts):
     """Paired rollouts of policy trees in an ensemble.
 
-    Episode e starts at the observation e // M, in member e % M: every member meets every start.
-
-    Args:
-        ensemble: The world model, M members.
-        n_starts: Stored first observations to start from.
-        generator: Source of starts and of all random numbers.
+    Episode e starts at the observation e // M of ``n_starts`` stored first ones, in member e % M of
+    the ensemble: every member meets every start.
 
     Attributes:
         n_members: Members M.
