@@ -97,10 +97,10 @@ def prove(
 ) -> Result:
     """Prove how every episode of POLICY goes, or refute it with a start.
 
-    PROPERTY is 'arrives [within N steps]', 'stays in CONDITIONS [for N steps]', 'avoids CONDITIONS
-    [for N steps]', 'succeeds with probability at least P' or 'returns at least R [with probability
-    at least P]'; the environment's plant has one of its own. Where no plant is known the
-    certificate is statistical: it rests on episodes.
+    PROPERTY is 'arrives [within N steps]', 'stays in CONDITIONS [for N steps|for ever]', 'avoids
+    CONDITIONS [for N steps|for ever]', 'succeeds with probability at least P' or 'returns at least
+    R [with probability at least P]'; the environment's plant has one of its own. Where no plant is
+    known the certificate is statistical: it rests on episodes.
 
     The exit code is 0 if it is proven, 1 if it is refuted, 3 if it is left undecided.
     """

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from eutree.arrays import Floats, Integers
-from eutree.errors import InvalidArgumentError
+from eutree.errors import InvalidArgumentError, shown
 from eutree.policies import TreePolicy
 from eutree.policies.sklearn_tree import float64_thresholds
 from eutree.proof import _kernels as kernels
@@ -24,6 +24,7 @@ from eutree.proof.intervals import Affine, Doubt, Intervals, Truth, middle
 from eutree.proof.plant import Plant, State
 from eutree.proof.reach import Acting
 from eutree.trees.boxes import leaf_boxes
+from eutree.validation import check_numbers
 
 _AT_ONCE = 1 << 13  # boxes that are cut and moved together: their arrays stay in the cache
 _DRAWN, _KEPT, _ROUNDS = 2000, 20, 4  # starts of episodes that are drawn and kept, and how often
@@ -42,7 +43,7 @@ class Layers:
 
     def __init__(self, policy: TreePolicy, plant: Plant, refine: int = 1) -> None:
         self._plant = plant
-        self._axes = np.array(plant.axes, dtype=np.float64)
+        self._axes, cells = _axes(plant)
         self._back = _inverse(self._axes)
         n = policy.derivation.n_measured  # no test is about what is derived
         low, high = (
@@ -53,7 +54,7 @@ class Layers:
         asked = np.isfinite(low).any(axis=0) | np.isfinite(high).any(axis=0)
         matters = (self._back[asked] != 0).any(axis=0)
         # Of the cells along each axis; infinite where no test of the tree depends on it.
-        self.width = np.where(matters, np.array(plant.cells) / refine, np.inf)
+        self.width = np.where(matters, cells / refine, np.inf)
         self.box_steps = self.most = 0  # steps of boxes, and most boxes at once, so far
         self._begin()
 
@@ -176,8 +177,22 @@ def _thresholds(bounds: Floats, plant: Plant) -> Floats:
     return np.where(np.isfinite(bounds), float64_thresholds(bounds), bounds)
 
 
+def _axes(plant: Plant) -> tuple[Floats, Floats]:
+    """Return the axes of a plant, shape [d, d], and the width of a cell along each of them."""
+    d = len(plant.state)
+    axes = check_numbers("axes of a plant", plant.axes, ndim=2)
+    cells = check_numbers("cells of a plant", plant.cells, ndim=1)
+    if axes.shape != (d, d) or cells.shape != (d,) or not (cells > 0.0).all():
+        raise InvalidArgumentError(
+            f"axes and cells of a plant must be {d} rows of {d} numbers and {d} widths above 0, "
+            f"got {shown(plant.axes)} and {shown(plant.cells)}"
+        )
+    return axes, cells
+
+
 def _inverse(axes: Floats) -> Floats:
-    back: Floats = np.linalg.inv(axes).astype(np.float64)
+    regular = bool(np.linalg.det(axes))
+    back: Floats = np.linalg.inv(axes).astype(np.float64) if regular else np.zeros_like(axes)
     product = _exact(axes) @ _exact(back)
     if (product != np.eye(len(axes), dtype=int)).any():
         raise InvalidArgumentError(

@@ -17,7 +17,9 @@ from eutree.arrays import Floats, Integers
 from eutree.envs import PLANTS
 from eutree.errors import InvalidArgumentError, described, shown
 from eutree.interaction import describe
+from eutree.interaction.action_grid import ActionMasks
 from eutree.interaction.making import make
+from eutree.interaction.spaces import NO_LIMIT
 from eutree.policies import TreePolicy
 from eutree.proof.certificate import Certificate
 from eutree.proof.intervals import Intervals, Truth, clip, cos, sin, where
@@ -27,6 +29,7 @@ from eutree.trees.text import derived_features
 from eutree.validation import check_kind, check_listed, check_number, check_range
 
 State = Sequence[Intervals]  # one for each number of the state, each of N boxes
+_SEEN = {"float32", "float64"}  # types of observations
 
 
 class Plant:
@@ -36,13 +39,16 @@ class Plant:
         environment: How Gymnasium makes the environment.
         state: Names of the numbers that make up a state.
         start: Lower and upper bound of each of them when an episode begins.
-        precision: Type of the environment's observations: a tree sees them rounded to it.
-        limit: Steps after which an episode is cut short; None for never.
+        precision: Type of the environment's observations, float32 or float64; whole numbers are the
+            latter.
+        limit: Steps after which an episode is cut short, which are those of a property that names
+            none; None for never, or where Gymnasium alone is to say so.
         reward: Reward of a step, where it is always the same; None where it is not.
         grid: Lower bound, upper bound and number of cells of each number of a state, for properties
             for ever; empty where none is asked.
         axes: Combinations of the state, [d, d], along which a step turns next to nothing, with an
-            exact inverse; empty where the starts are cut instead.
+            exact inverse; empty where the starts are cut instead, as they are for a plant that has
+            an ``observe`` of its own.
         cells: Width of a cell along each axis: the states reached in one become one box.
         measures: Names of the numbers that the conditions of properties are about; those of the
             state by default.
@@ -69,12 +75,15 @@ class Plant:
 
         Args:
             state: The boxes.
-            action: Action in each of them, shape [N].
+            action: Number of the action in each of them, as a tree counts: from 0. Shape [N].
         """
         raise NotImplementedError
 
     def arrives(self, state: State) -> Truth:
-        """Return whether states end an episode well: N statements."""
+        """Return whether states end an episode well: N statements.
+
+        Where it may end otherwise, ``step`` must leave the state as it is.
+        """
         return Truth(*[np.zeros(np.shape(state[0].low), dtype=bool)] * 2)
 
     def observe(self, state: State) -> State:
@@ -102,7 +111,15 @@ class Plant:
         env.reset(seed=0)
         self.state_of(env)  # which refuses what has no such attribute
         env.unwrapped.state = point.copy()  # type: ignore[attr-defined]  # as Gymnasium's tasks
-        return point.astype(self.precision)
+        seen = list(map(Intervals.of, self.observe([Intervals.of(x[None]) for x in point])))
+        low, high = (np.ravel([getattr(one, end) for one in seen]) for end in ("low", "high"))
+        certain = low.astype(self.precision) == high.astype(self.precision)
+        if type(self).put is Plant.put and not certain.all():
+            raise InvalidArgumentError(
+                f"{type(self).__name__} must have a method put of its own, which returns the "
+                f"observation: observe says of {point.tolist()} only that it is in {seen}"
+            )
+        return low.astype(self.precision)
 
     def state_of(self, env: gymnasium.Env[Any, Any]) -> Floats:
         """Return the state [d] in which the real environment is."""
@@ -117,6 +134,19 @@ class Plant:
     def schema(self) -> Schema:
         """The measures that conditions of properties are about, as features."""
         return Schema(tuple(map(Feature, self.measures or self.state)), ("act",))
+
+    @property
+    def time_limit(self) -> int | None:
+        """Steps after which an episode is cut short, by the plant or by Gymnasium; None: never."""
+        given, registered = self.environment.arguments, gymnasium.spec(self.environment.id)
+        known = dict(given).get("max_episode_steps", registered.max_episode_steps)
+        own = None if known == NO_LIMIT else known
+        if None not in (own, self.limit) and own != self.limit:
+            raise InvalidArgumentError(
+                f"limit of {type(self).__name__} must be that of {self.environment}, {own} steps, "
+                f"got {self.limit}"
+            )
+        return self.limit if own is None else own
 
     def make(self) -> gymnasium.Env[Any, Any]:
         """Return the real environment."""
@@ -139,10 +169,11 @@ class Plant:
         env = self.make()
         seen, measured = describe(env).measured, policy.schema.measured
         seen.check_same(measured, "policy", of=str(self.environment))
-        env.close()
         self._check_derived(policy)
         if not self.by_chance:
             self._check_moves(policy.schema.n_actions)
+            self.check_seen(env, masked=policy.masked)
+        env.close()
 
     def _check_derived(self, policy: TreePolicy) -> None:
         """Raise InvalidArgumentError for derived features that boxes do not tell."""
@@ -178,6 +209,26 @@ class Plant:
         if len(moved) != len(names) or not all(isinstance(one, Intervals) for one in moved):
             expected = f"step of {kind} must return Intervals of {', '.join(names)}"
             raise InvalidArgumentError(f"{expected}, got {shown(moved)}")
+
+    def check_seen(self, env: gymnasium.Env[Any, Any], *, masked: bool = False) -> None:
+        """Raise InvalidArgumentError where a tree sees or does what boxes do not tell."""
+        seen, info = env.reset(seed=0)
+        parts = seen.values() if isinstance(seen, dict) else seen
+        kinds = [np.asarray(x).dtype for x in (parts if isinstance(seen, dict | tuple) else [seen])]
+        types = {one.name if one.kind == "f" else "float64" for one in kinds}
+        if (
+            types != {getattr(self.precision, "__name__", str(self.precision))}
+            or not types <= _SEEN
+        ):
+            raise InvalidArgumentError(
+                f"precision of {type(self).__name__} must be the type of the observations of "
+                f"{self.environment}, float32 or float64, got {shown(self.precision)} where they "
+                f"are {' and '.join(sorted(types))}"
+            )
+        if masked or ActionMasks(env).now(info) is not None:
+            raise InvalidArgumentError(
+                f"all actions must be allowed everywhere for a proof; {self.environment} has masks"
+            )
 
 
 def own_arguments(

@@ -74,10 +74,9 @@ def prove(
     is_known = plant.reward is not None and plant.limit is not None
     if asked.kind == "returns" and asked.chance is None and is_known:
         return _of_return(prove(policy, plant, "arrives", effort=effort), asked, plant)
-    limit = EVER if plant.limit is None else plant.limit
-    horizon = limit if asked.horizon is None else asked.horizon
-    if asked.kind == "arrives" and limit != EVER:
-        horizon = min(horizon, limit)  # no episode arrives later
+    horizon = (plant.limit or EVER) if asked.horizon is None else asked.horizon
+    if asked.kind == "arrives" and horizon != EVER:
+        horizon = min(horizon, plant.time_limit or horizon)  # no episode arrives later
     if asked.kind == "returns":
         raise NeedsEpisodesError(
             f"property {asked.text!r} is about chance or returns, of which the plant of "
@@ -96,8 +95,9 @@ def prove(
         )
     proof = _Proof(policy, plant, asked, horizon, effort)
     if horizon != EVER:
-        # Layers are cut by the leaves' boxes, which are of measured features.
-        measured = not derived_features(policy.tree, policy.schema)
+        # Layers are cut by the leaves' boxes: of measured features, which are the state itself.
+        is_seen = type(plant).observe is Plant.observe
+        measured = is_seen and not derived_features(policy.tree, policy.schema)
         by_axes = bool(plant.axes) and asked.kind != "arrives" and measured
         return proof.by_layers() if by_axes else proof.certificate()
     if asked.kind == "arrives":
@@ -300,11 +300,10 @@ class _Proof:
         return int(broken[0]) if broken.size else None
 
     def _worst(self, pieces: Pieces) -> dict[str, float] | None:
-        """Return a start that takes longest of those that arrive, and its steps when replayed."""
-        arrives = pieces.last != NEVER
-        if not arrives.any():
+        """Return a start that takes longest, and its steps when replayed; None if one may never."""
+        if (pieces.last == NEVER).any():
             return None
-        slowest = np.where(arrives, pieces.first, -1).argmax()
+        slowest = pieces.first.argmax()
         start = next(_middles(pieces, np.arange(len(pieces.first)) == slowest))
         path = replay(self._plant, self._policy, start, self._horizon)
         return self._named(start, len(path.states) - 1)
@@ -312,10 +311,9 @@ class _Proof:
     def _bounds(self, pieces: Pieces, shares: Floats) -> dict[str, tuple[float, float]]:
         if not self._arriving:
             return {}
-        known = pieces.last[pieces.last != NEVER]
         bounds: dict[str, tuple[float, float]] = {}
-        if known.size:
-            bounds["steps"] = (int(pieces.first.min()), int(known.max()))
+        if (pieces.last != NEVER).all():
+            bounds["steps"] = (int(pieces.first.min()), int(pieces.last.max()))
         limit, reward = self._plant.limit, self._plant.reward
         if reward is not None and limit == self._horizon:
             least, most = (

@@ -13,7 +13,8 @@ import numpy as np
 
 from eutree.arrays import Booleans, Floats
 from eutree.errors import InvalidArgumentError
-from eutree.interaction.spaces import spec_of
+from eutree.interaction import GuardedEnv
+from eutree.interaction.spaces import encoder, spec_of
 from eutree.policies import TreePolicy
 from eutree.proof.certificate import Certificate, Pieces, Starts
 from eutree.proof.intervals import Intervals, Truth
@@ -54,19 +55,18 @@ def replay(
     """
     made = env
     env = made or plant.make()
-    observation = plant.put(env, start)
+    guard = GuardedEnv(env, max_episode_steps=steps + 1)
+    seen = encoder(env.observation_space)(plant.put(env, start))
     states, over = [plant.state_of(env)], False
-    while not over and len(states) <= steps:
-        action = _chosen(policy, observation)
-        observation, _, over, _, _ = env.unwrapped.step(action)
+    while not over and len(states) <= steps:  # also where Gymnasium would cut it short
+        seen, _, over, _, _ = guard.step(_chosen(policy, seen))
         states.append(plant.state_of(env))
     if made is None:
         env.close()
     return Trajectory(np.array(states), bool(over))
 
 
-def _chosen(policy: TreePolicy, observation: Any) -> int:
-    measured = np.asarray(observation, dtype=np.float64)
+def _chosen(policy: TreePolicy, measured: Floats) -> int:
     return policy.act(policy.derivation.behind(measured).tolist())
 
 
@@ -75,12 +75,11 @@ def breaking_seed(
 ) -> dict[str, int] | None:
     """Return the seed and step of a real episode that breaks conditions; None if none does."""
     env = plant.make()
+    guard = GuardedEnv(env, max_episode_steps=_MOST_STEPS + 1)
     for seed in range(_SEEDS):
-        observation, _ = env.reset(seed=seed)
-        over, steps = False, 0
+        seen, over, steps = guard.reset(seed), False, 0
         while not over and steps < _MOST_STEPS:
-            action = _chosen(policy, observation)
-            observation, _, terminated, truncated, _ = env.step(action)
+            seen, _, terminated, truncated, _ = guard.step(_chosen(policy, seen))
             over, steps = terminated or truncated, steps + 1
             state = [Intervals.of(x) for x in plant.state_of(env)[:, None]]
             if broken(state).surely[0]:
@@ -93,8 +92,9 @@ def check_plant(
 ) -> None:
     """Test that a plant moves as its environment does: real states must stay in its boxes.
 
-    Episodes begin at random starts; actions are random, each kept for a random number of steps.
-    Before every step a box of random size is laid around the state.
+    The environment begins where the plant says; then, at random starts, actions are random, each
+    kept for a random number of steps. Before every step a box of random size is laid around the
+    state.
 
     Args:
         plant: Plant to be tested.
@@ -103,27 +103,34 @@ def check_plant(
         generator: Source of all chance.
 
     Raises:
-        InvalidArgumentError: A real state left the box that it must be in, or an episode went on
-            after the plant had surely arrived.
+        InvalidArgumentError: A real state left the box that it must be in, or an episode began
+            elsewhere, went on after the plant had surely arrived, or ended where that moves on.
     """
     if plant.by_chance:
         raise InvalidArgumentError(
             f"the plant of {plant.environment} has no boxes that a state could leave; compare what "
             "it proves with sampled episodes"
         )
-    env = plant.make()
+    env, (least, most) = plant.make(), np.array(plant.start).T
+    plant.check_seen(env)
     for _ in range(episodes):
-        start = generator.uniform(*np.array(plant.start).T)
-        plant.put(env, start)
+        env.reset(seed=int(generator.integers(2**31)))
+        began = plant.state_of(env)
+        if not ((least <= began) & (began <= most)).all():
+            raise InvalidArgumentError(
+                f"plant must start as {plant.environment} does: it begins in {began.tolist()}, "
+                f"outside of {plant.start}"
+            )
+        plant.put(env, generator.uniform(least, most))
         _follow(plant, env, steps, generator)
     env.close()
 
 
 def _follow(
-    plant: Plant, env: gymnasium.Env[object, int], steps: int, generator: np.random.Generator
+    plant: Plant, env: gymnasium.Env[Any, Any], steps: int, generator: np.random.Generator
 ) -> None:
-    n_actions = int(env.action_space.n)  # type: ignore[attr-defined]  # Discrete, as for any tree
-    action = 0
+    guard, action = GuardedEnv(env, max_episode_steps=steps + 1), 0
+    n_actions = guard.schema.n_actions
     for _ in range(steps):
         if generator.random() < 0.1:
             action = int(generator.integers(n_actions))
@@ -132,7 +139,7 @@ def _follow(
         low, high = (before + sign * room * generator.random(before.size) for sign in (-1, 1))
         boxes = [Intervals(a[None], b[None]) for a, b in zip(low, high, strict=True)]
         found = plant.step(boxes, np.array([action]))
-        _, _, over, _, _ = env.unwrapped.step(action)
+        _, _, over, _, _ = guard.step(action)
         after = plant.state_of(env)
         for name, now, box in zip(plant.state, after.tolist(), found, strict=True):
             if not box.low[0] <= now <= box.high[0]:
@@ -140,14 +147,28 @@ def _follow(
                     f"plant must move as {plant.environment} does: after action {action} in "
                     f"{before.tolist()}, {name} is {now}, outside of [{box.low[0]}, {box.high[0]}]"
                 )
-        arrived = plant.arrives([Intervals.of(np.array([x])) for x in after])
-        if arrived.surely[0] and not over:
-            raise InvalidArgumentError(
-                f"plant must end as {plant.environment} does: it says that {after.tolist()} has "
-                "arrived, where the environment goes on"
-            )
+        _check_end(plant, after, n_actions, over)
         if over:
             return
+
+
+def _check_end(plant: Plant, state: Floats, n_actions: int, over: bool) -> None:
+    """Raise InvalidArgumentError unless an episode goes on, or ends, in a state as in the plant."""
+    here = [Intervals.of(np.full(n_actions, x)) for x in state]
+    arrived = plant.arrives(here)
+    if arrived.surely[0] and not over:
+        raise InvalidArgumentError(
+            f"plant must end as {plant.environment} does: it says that {state.tolist()} has "
+            "arrived, where the environment goes on"
+        )
+    if arrived.maybe[0] or not over or type(plant).arrives is Plant.arrives:
+        return
+    for one, later in zip(here, plant.step(here, np.arange(n_actions)), strict=True):
+        if (later.low != one.low).any() or (later.high != one.high).any():
+            raise InvalidArgumentError(
+                f"plant must end as {plant.environment} does: that ends in {state.tolist()}, "
+                "which has not arrived and which a step of the plant leaves"
+            )
 
 
 MOST_BOXES = 1000  # that a certificate keeps, the largest

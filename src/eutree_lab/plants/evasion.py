@@ -70,8 +70,8 @@ class Evasion(Plant):
             name, payoffs, least = "mean_return", self._rewards, asked.least
         bounds, chain = self._bounds(policy, payoffs, least, refinements)
         best = self._best(payoffs)
-        if least is None:  # bounds of every policy prove nothing of this one
-            verdict = UNDECIDED if bounds == (payoffs.low, payoffs.high) else PROVEN
+        if least is None:  # that it succeeds less often than always is no praise
+            verdict = UNDECIDED if bounds[0] == payoffs.low else PROVEN
         else:
             open_or_refuted = REFUTED if bounds[1] < least else UNDECIDED
             verdict = PROVEN if bounds[0] >= least else open_or_refuted
@@ -155,7 +155,9 @@ class Evasion(Plant):
             f"{what} is in [{bounds[0]:.4g}, {bounds[1]:.4g}], that of no policy above {best:.4g}"
         )
         if asked.chance is None and asked.least is None:
-            return f"{over} {found}{'; this says nothing of the policy' * (verdict == UNDECIDED)}"
+            below = "from below " * (bounds[1] < best)
+            nothing = f"; {below}this says nothing of the policy" * (verdict == UNDECIDED)
+            return f"{over} {found}{nothing}"
         said = {
             PROVEN: f"it {asked.text}",
             REFUTED: f"it is not true that it {asked.text}",

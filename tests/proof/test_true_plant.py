@@ -1,0 +1,212 @@
+"""What a tree sees and does is the environment's: a plant that says otherwise proves nothing."""
+
+from typing import Any, ClassVar
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.envs.registration import EnvSpec
+
+from eutree.errors import InvalidArgumentError
+from eutree.proof import Effort, Plant, check_plant, prove, replay, where
+from eutree.schema import EnvironmentSpec
+from tests.proof.policies import policy_of
+
+NAME = "Line-v0"
+FEW = Effort(box_steps=100_000)
+SWITCH = (0, 0.0, 0, 1)  # down where what is seen is at most 0
+
+
+class Line(gymnasium.Env[Any, Any]):
+    """A place that an action moves down or up by a quarter; what is seen of it may differ."""
+
+    metadata: ClassVar = {"render_modes": []}
+    seen_as: ClassVar[Any] = staticmethod(lambda place: place)
+    starts: ClassVar = (0.2, 0.8)
+    action_space = gymnasium.spaces.Discrete(2)
+    observation_space = gymnasium.spaces.Box(-100.0, 100.0, (1,), np.float64)
+
+    def reset(self, *, seed: int | None = None, options: Any = None) -> Any:
+        super().reset(seed=seed)
+        self.state = self.np_random.uniform(*self.starts, 1)
+        return self.seen(), {}
+
+    def step(self, action: int) -> Any:
+        self.state = self.state + 0.25 * (2 * (action - self.action_space.start) - 1)
+        return self.seen(), 0.0, self.ends(), False, {}
+
+    def seen(self) -> Any:
+        return self.seen_as(self.state.copy())
+
+    def ends(self) -> bool:
+        return False
+
+
+class LinePlant(Plant):
+    """The line on intervals."""
+
+    state = ("place",)
+    start = ((0.2, 0.8),)
+
+    def __init__(self) -> None:
+        self.environment = EnvironmentSpec(NAME)
+
+    def step(self, state: Any, action: Any) -> Any:
+        return [state[0] + 0.25 * (2.0 * action - 1.0)]
+
+
+class Mirror(LinePlant):
+    """What is seen is its negative."""
+
+    def observe(self, state: Any) -> Any:
+        return [-state[0]]
+
+
+@pytest.fixture(autouse=True)
+def line(monkeypatch):
+    """Register the line; return a function that makes one of its own out of it."""
+
+    def registered(limit: int | None = None, **declared: Any) -> Any:
+        kind = type("Own", (Line,), declared)
+        monkeypatch.setitem(gymnasium.registry, NAME, EnvSpec(NAME, kind, max_episode_steps=limit))
+        return policy_of(SWITCH, NAME)
+
+    registered()
+    return registered
+
+
+def checked(plant: Plant) -> None:
+    check_plant(plant, episodes=20, steps=20, generator=np.random.default_rng(0))
+
+
+def test_axes_cut_what_a_tree_sees_only_where_that_is_the_state(line):
+    """Boxes of leaves, which are of what is seen, cut the state: what fails was proven."""
+    policy = line(seen_as=staticmethod(lambda place: -place))
+    plant = Mirror()
+    plant.axes, plant.cells = ((1.0,),), (0.01,)
+    checked(plant)
+    assert (
+        prove(policy, plant, "stays in place >= -0.2 for 5 steps", effort=FEW).verdict == "refuted"
+    )
+    assert prove(policy, plant, "stays in place >= -1.1 for 5 steps", effort=FEW).proven
+
+
+@pytest.mark.parametrize(
+    ("axes", "cells"),
+    [
+        (((1.0,),), ()),
+        (((1.0,),), (0.0,)),
+        (((1.0,),), (-0.1,)),
+        (((1.0,),), (np.nan,)),
+        (((1.0, 2.0),), (0.1,)),
+        (((1.0,), (1.0,)), (0.1, 0.1)),
+        (((0.0,),), (0.1,)),
+    ],
+)
+def test_axes_that_are_none_are_refused(line, axes, cells):
+    """Without widths compiled code read what was not there, and the process ended."""
+    plant = LinePlant()
+    plant.axes, plant.cells = axes, cells
+    with pytest.raises(InvalidArgumentError, match=r"axes (and cells )?of a plant must"):
+        prove(line(), plant, "stays in place <= 100 for 5 steps")
+
+
+def test_actions_are_numbered_from_nought_as_the_tree_does(line):
+    policy = line(action_space=gymnasium.spaces.Discrete(2, start=1))
+    checked(LinePlant())
+    found = prove(policy, LinePlant(), "stays in place <= 1.5 for 5 steps", effort=FEW)
+    assert found.verdict == "refuted"
+    start = np.array([found.counterexample["place"]])
+    assert replay(LinePlant(), policy, start, 1).states[1] == start + 0.25
+
+    class AsItsOwn(LinePlant):
+        def step(self, state: Any, action: Any) -> Any:
+            return super().step(state, action - 1)
+
+    with pytest.raises(InvalidArgumentError, match="plant must move as Line-v0 does"):
+        checked(AsItsOwn())
+
+
+def test_actions_that_are_masked_are_refused(line):
+    policy = line(action_masks=lambda self: np.array([self.state[0] > 0.5, True]))
+    for ask in (
+        lambda: prove(policy, LinePlant(), "stays in place <= 9"),
+        lambda: checked(LinePlant()),
+    ):
+        with pytest.raises(InvalidArgumentError, match="all actions must be allowed everywhere"):
+            ask()
+
+
+def test_the_first_thing_that_is_seen_is_observed(line):
+    """It was the state itself, so that counterexamples began with another decision."""
+    policy = line(seen_as=staticmethod(lambda place: -place))
+    path = replay(Mirror(), policy, np.array([0.5]), 1)
+    assert path.states.tolist() == [[0.5], [0.25]]
+
+
+def test_a_plant_that_knows_what_is_seen_only_but_for_rounding_says_so(line):
+    class Tenth(LinePlant):
+        def observe(self, state: Any) -> Any:
+            return [0.1 * state[0]]
+
+    policy = line(seen_as=staticmethod(lambda place: 0.1 * place))
+    with pytest.raises(InvalidArgumentError, match="Tenth must have a method put of its own"):
+        prove(policy, Tenth(), "stays in place <= 1 for 5 steps", effort=FEW)
+
+
+@pytest.mark.parametrize("kind", [np.float16, np.float32])
+def test_observations_are_of_the_precision_that_the_plant_says(line, kind):
+    box = gymnasium.spaces.Box(-100.0, 100.0, (1,), kind)
+    policy = line(seen_as=staticmethod(lambda place: place.astype(kind)), observation_space=box)
+    plant = LinePlant()
+    for precision in (np.float64, np.float16, "float31"):
+        plant.precision = precision
+        with pytest.raises(InvalidArgumentError, match="precision of LinePlant must be the type"):
+            prove(policy, plant, "stays in place <= 9 for 5 steps")
+    plant.precision = np.float32
+    if kind is np.float32:
+        assert prove(policy, plant, "stays in place <= 9 for 5 steps").proven
+
+
+class Goal(LinePlant):
+    """It arrives at 3; between 1.5 and 1.7 the real one crashes."""
+
+    def arrives(self, state: Any) -> Any:
+        return state[0] >= 3.0
+
+
+class Crashing(Goal):
+    """Knows it: there it stays."""
+
+    def step(self, state: Any, action: Any) -> Any:
+        crashed = (state[0] > 1.5) & (state[0] < 1.7)
+        return [where(crashed, state[0], super().step(state, action)[0])]
+
+
+def test_an_end_that_the_plant_does_not_know_is_found(line):
+    policy = line(ends=lambda self: bool(self.state[0] >= 3.0 or 1.5 < self.state[0] < 1.7))
+    with pytest.raises(
+        InvalidArgumentError, match=r"ends in .*, which has not arrived and which a"
+    ):
+        checked(Goal())
+    checked(Crashing())
+    found = prove(policy, Crashing(), "arrives within 20 steps", effort=FEW)
+    assert found.verdict == "refuted"
+    assert "steps" not in found.bounds
+    assert found.worst_start is None
+
+
+def test_no_episode_arrives_after_it_was_cut_short(line):
+    ends = {"ends": lambda self: bool(self.state[0] >= 3.0)}
+    assert prove(line(**ends), Goal(), "arrives within 20 steps", effort=FEW).proven
+    assert not prove(line(limit=5, **ends), Goal(), "arrives within 20 steps", effort=FEW).proven
+    plant = Goal()
+    plant.limit = 7
+    with pytest.raises(InvalidArgumentError, match="limit of Goal must be that of Line-v0, 5 "):
+        prove(line(limit=5, **ends), plant, "arrives")
+
+
+def test_a_start_that_the_plant_does_not_know_is_found(line):
+    line(starts=(0.0, 1.0))
+    with pytest.raises(InvalidArgumentError, match="plant must start as Line-v0 does"):
+        checked(LinePlant())
