@@ -210,3 +210,50 @@ def test_a_tree_on_trial_that_earns_no_more_is_kept_beside_the_start(monkeypatch
     assert identity(kept) == identity(tree) == identity(result.picked)
     assert result.handed_over == "start"
     assert identity(result.policy) == identity(WRONG)
+
+
+class Breaking(Corridor):
+    """A corridor that breaks off after some steps, of all its episodes."""
+
+    steps_made, last = 0, np.inf
+
+    def step(self, action):
+        if self.steps_made >= self.last:
+            raise RuntimeError("the sensor broke")
+        return super().step(action)
+
+
+def test_a_judgement_that_broke_off_is_held_again_to_the_same_end(monkeypatch, tmp_path):
+    """What the tree on trial had played was counted twice, and left fewer pairs to the contest."""
+    tree = policy_of(0, 5.0, 1)
+    monkeypatch.setattr(Run, "learned", lambda _: WRONG)
+    monkeypatch.setattr(ModelPlanning, "on_trial", lambda _: Decisions(tree.tree, tree.actions))
+
+    def run(name, last, **more):
+        monkeypatch.setattr(Breaking, "steps_made", 0)
+        monkeypatch.setattr(Breaking, "last", last)
+        asked = {"expert": policy_of(0), "episodes": 8, "seed": 2, "out": tmp_path / name}
+        return eutree.learn(Breaking(), **asked, **more)
+
+    whole = run("whole", np.inf)
+    assert identity(whole.picked) == identity(tree)
+    with pytest.raises(eutree.EutreeError, match="the sensor broke"):
+        run("broken", Breaking.steps_made - 15)
+    again = run("broken", np.inf, resume=True)
+    assert again.against_start == whole.against_start
+    assert again.environment_steps == whole.environment_steps
+    assert again.evaluation_episodes == whole.evaluation_episodes
+
+
+def test_a_run_that_ended_with_the_tree_on_trial_is_made_longer(monkeypatch, tmp_path):
+    """Its checkpoint has a pick, and no front that the pick would be of."""
+    tree = policy_of(0, 5.0, 1)
+    monkeypatch.setattr(Run, "learned", lambda _: WRONG)
+    monkeypatch.setattr(ModelPlanning, "on_trial", lambda _: Decisions(tree.tree, tree.actions))
+    asked = {"expert": policy_of(0), "judge_episodes": 300, "seed": 2, "out": tmp_path / "run"}
+    first = eutree.learn(Corridor(), episodes=8, **asked)
+    assert identity(first.picked) == identity(tree)
+    assert first.front == ()
+    longer = eutree.learn(Corridor(), episodes=9, resume=True, **asked)
+    assert longer.episodes == 9
+    assert identity(longer.policy) == identity(tree)

@@ -144,8 +144,8 @@ def restore_checkpoint(path: Path, run: Run) -> None:
         run.evaluations.picked = document.front.picked.policy(path)
         trees = [one.policy(path) for one in document.front.trees]
         with blamed(path, f"{_EVENTS}: a front", _MISREAD):
-            facts = [event["front"] for event in events if event["event"] == "front"][-1]
-            pairs = zip(trees, facts, strict=True)
+            facts = [event["front"] for event in events if event["event"] == "front"]
+            pairs = zip(trees, facts[-1] if trees else (), strict=True)
             run.evaluations.front = tuple(FrontEntry.from_facts(*pair) for pair in pairs)
     if document.result is not None:
         run.racing.result = document.result.policy(path)

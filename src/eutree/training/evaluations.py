@@ -297,9 +297,12 @@ class Evaluations:
         that was ``tried`` last takes the place of the result if it earns more.
         """
         self._state.whole = True
-        self._room = self._left()
-        if tried is not None and self._handover.has_front and not self.front:
-            policy = self._better(policy, tried, first, arena)
+        self._room, picked, beside = self._left(), self.picked, (0, 0)
+        if tried is not None:
+            ground = arena.ground(self._plan.seed)
+            if self._is_better(tried, policy, first, ground):
+                picked = policy = tried
+            beside = ground.steps, ground.episodes
         steps = self.played.steps
         if identity(policy) == identity(first):
             judgement = Judgement.same(challengers=challengers)
@@ -331,33 +334,38 @@ class Evaluations:
                 judgement = judgement.of_proven(*sure)
         self._state.whole = False
         self._count()
-        self.judgement = judgement
-        others = self.played.steps - steps - judgement.steps
-        self._state.move(judged=True, evaluation_steps=self._state.at.evaluation_steps + others)
+        # All at once, when nothing can go wrong: else a run that goes on would count it twice.
+        self.judgement, self.picked, at = judgement, picked, self._state.at
+        self._state.move(
+            judged=True,
+            evaluation_steps=at.evaluation_steps + self.played.steps - steps - judgement.steps,
+            front_steps=at.front_steps + beside[0],
+            played_episodes=at.played_episodes + beside[1],
+        )
         self._state.note("judgement", judgement.facts())
 
-    def _better(
-        self, policy: TreePolicy, tried: TreePolicy, first: TreePolicy, arena: Arena
-    ) -> TreePolicy:
-        """Return the one of two trees that does better; neither is the start.
+    def _is_better(
+        self, tried: TreePolicy, policy: TreePolicy, first: TreePolicy, ground: Ground
+    ) -> bool:
+        """Return whether, without a front, the tree on trial does better than the result.
+
+        Neither is the start.
 
         Their episodes are beside those that the judgement may take, few as these may be.
         """
         from eutree.training.front import FEWEST, earns_more
 
-        plan, state, ground = self._plan, self._state, arena.ground(self._plan.seed)
-        guarded = plan.keep_success or self._handover.prefer_proven is not None
-        if guarded or identity(policy) in (identity(first), identity(tried)):
-            return policy
+        plan, handover = self._plan, self._handover
+        guarded = plan.keep_success or handover.prefer_proven is not None
+        without_front = handover.has_front and not self.front
+        known = identity(policy) in (identity(first), identity(tried))
+        if guarded or known or not without_front:
+            return False
         starts = max(self._room // TRIAL, 2) if plan.is_dear else FEWEST
         if plan.seconds is not None:
             time = self._seconds_left() / 4
             starts = min(starts, within(time, self.played.episodes, self.played.seconds))
-        if earns_more(tried, policy, ground, starts):
-            self.picked = policy = tried
-        played = state.at.played_episodes + ground.episodes
-        state.move(front_steps=state.at.front_steps + ground.steps, played_episodes=played)
-        return policy
+        return earns_more(tried, policy, ground, starts)
 
     @property
     def _fresh(self) -> Stream:
