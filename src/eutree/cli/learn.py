@@ -82,8 +82,8 @@ if TYPE_CHECKING:
               "corrected (the default of --offline).")  # fmt: skip
 @click.option("--set", "changes", multiple=True, metavar="KEY=VALUE",
               help="A choice of the method, for example price=0.004. May be repeated.")  # fmt: skip
-@option.path("--settings", text="TOML file of choices, the config.json of a run, or zoo:TASK, "
-             "which is known to work.")  # fmt: skip
+@option.path("--settings", text="TOML file of choices, the config.json of a run for those of "
+             "its method, or zoo:TASK, which is known to work.")  # fmt: skip
 @click.option("--discount", type=click.FloatRange(0, 1), help="Short for --set discount=G.")
 @click.option("--list-settings", is_flag=True,
               help="Say what each choice of the method does, and which to turn first.")  # fmt: skip
@@ -158,7 +158,7 @@ def learn(
 ) -> Result:
     """Learn a policy in ENVIRONMENT and write it, with all that led to it, to a run folder.
 
-    Without ENVIRONMENT it is the one that the demonstrations, or else the settings, are of.
+    Without ENVIRONMENT it is that of the demonstrations, or else of settings of the zoo.
     """
     from eutree.proof import load_certificate
     from eutree.training import learn as learn_policy

@@ -4,8 +4,9 @@ Both play the same fresh episodes, one pair after the other, until it is decided
 takes the place of the start only if a contest *shows* that it earns more, or that it is smaller and
 earns no less; and if it does not succeed less often by more than a point. Otherwise the start is
 handed over, and the learned tree is kept beside it. A start that nobody has given, a single action
-or a random tree, is nothing that has to be kept: there the one that earned more is handed over. The
-verdict on the two is about these episodes alone, which chose nothing before.
+or a random tree, is nothing that has to be kept: there the one that earned more is handed over, but
+for that last condition. The verdict on the two is about these episodes alone, which chose nothing
+before.
 """
 
 from collections.abc import Callable, Sequence
@@ -227,10 +228,10 @@ class Handover:
         episodes: Most fresh episodes that the start and the learned tree both play at the end: the
             start is handed over unless the other is shown to earn more, or to be smaller and earn
             no less, and succeeds less often by a point at most; of a start that nobody has given
-            it is enough that the other earned more in them. None for five for each episode of
-            the run, 300 to 5,000, in ten times as many steps as the run took, and in proportion in
-            a short run where episodes run one by one (see ``Schedule``); 0 plays none and hands
-            over the learned tree, as the presets that read the paper literally do.
+            it is enough, beside that, that the other earned more in them. None for five for each
+            episode of the run, 300 to 5,000, in ten times as many steps as the run took, and in
+            proportion in a short run where episodes run one by one (see ``Schedule``); 0 plays none
+            and hands over the learned tree, as the presets that read the paper literally do.
         error: Chance that a tree that does not deserve it is taken for better.
         success_margin: How much less often than the start the learned tree may succeed.
         keep_success: Replace the policy, also while the run learns, only by one that succeeds as

@@ -15,7 +15,7 @@ from eutree.arrays import Booleans, Floats, plain
 from eutree.errors import InvalidArgumentError
 from eutree.evaluation import CurvePoint
 from eutree.interaction.episode import Stream
-from eutree.learners import Decisions, History, Learner, Method, Problem, Start
+from eutree.learners import Decisions, History, Learner, Method, Problem, Start, Update
 from eutree.learners.episode_buffer import transitions_of
 from eutree.learners.learner import GIVEN, KnowsItsModel, TriesTrees, check_has_all, own_code
 from eutree.policies import TreePolicy
@@ -28,6 +28,7 @@ from eutree.training.phases import Follower, Phase, Plan, Position, RunState, du
 from eutree.training.progress import GatheredEpisodes
 from eutree.training.proposals import identity
 from eutree.training.search import PolicySearch
+from eutree.validation import check_kind
 from eutree.world_model.transitions import seen_as
 
 
@@ -265,7 +266,8 @@ class Run:
         state, at = self.state, self.at
         state.gathering_ends()
         number = at.episode if self.plan.gathers else at.updates
-        update = self.learner.update(generator_of(self.plan.seed, Stream.EXPANSION, number))
+        generator = generator_of(self.plan.seed, Stream.EXPANSION, number)
+        update = check_kind("the answer of update", self.learner.update(generator), Update)
         splits = [
             {"leaf": split.leaf, "feature": split.feature, "threshold": split.threshold}
             for split in update.splits
