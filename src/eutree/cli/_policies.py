@@ -70,6 +70,17 @@ def _check_task(path: Path, recorded: "Demonstrations", policy: "TreePolicy") ->
             f"{path} must hold demonstrations of the policy's task {there} (features, actions: "
             f"{wanted}), got {here} {sizes}"
         )
+    if not here or here != there:
+        # Other names may be those of a log; the policy's own at other places are another order.
+        for own, given in (
+            (names[1], names[0]),
+            (policy.schema.actions, recorded.schema.actions),
+        ):
+            if any(name in own and own[k] != name for k, name in enumerate(given)):
+                raise InvalidArgumentError(
+                    f"{path} must have the names of the policy in their order, {', '.join(own)}, "
+                    f"got {', '.join(given)}"
+                )
 
 
 def seen_in(demos: Path, policy: "TreePolicy") -> "Floats":

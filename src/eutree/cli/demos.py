@@ -1,11 +1,14 @@
 """``eutree demos``: look at demonstrations, edit them, check them, exchange them."""
 
+from collections.abc import Iterable
 from contextlib import closing
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import click
+import numpy as np
 
 from eutree.cli import _options as option
 from eutree.cli._output import Result, figures_of, say
@@ -13,7 +16,7 @@ from eutree.cli.fit import hurting
 from eutree.data import DemonstrationFolder, Demonstrations, Episode, LogFormat, derive
 from eutree.data.csv_files import MAX_CSV, read_csv
 from eutree.data.episode import DROPPED, TAUGHT
-from eutree.data.log_format import KNOWN, seconds_of
+from eutree.data.log_format import KNOWN, order_of, seconds_of
 from eutree.display import counted
 from eutree.errors import InvalidArgumentError, blamed
 from eutree.files import check_writable, read_bytes, write_text
@@ -22,7 +25,7 @@ from eutree.interaction.episode import environment_for
 from eutree.interaction.episode import replay as replay_all
 from eutree.interaction.making import make
 from eutree.interaction.names import Names, given_names, kinds_of
-from eutree.schema import EnvironmentSpec
+from eutree.schema import EnvironmentSpec, Feature, Schema
 from eutree.trees.text import labelled
 
 _OWN = ("episode", "action", "reward", "allowed")  # columns that may have other names
@@ -119,7 +122,9 @@ def trim(folder: Path, number: int, steps: int) -> Result:
 def rename(folder: Path, names: Path) -> Result:
     """Name the features and actions of FOLDER by the file NAMES, which is as for --names."""
     opened = _open_to_edit(folder)
-    opened.rename(Names.load(names).of(opened.schema))
+    schema = Names.load(names).of(opened.schema)
+    _check_kinds(schema, opened.read_all().values())
+    opened.rename(schema)
     said = {
         "features": [labelled(feature) for feature in opened.schema.features],
         "actions": list(opened.schema.actions),
@@ -287,7 +292,7 @@ def import_(
     if environment is None and env_arguments:
         raise InvalidArgumentError(f"arguments need --env, got {', '.join(env_arguments)}")
     known: dict[str, Any] = {}
-    rows = {"filled": 0, "left out": 0}
+    rows, names = {"filled": 0, "left out": 0}, given_names()
     if environment is not None:
         with closing(make(EnvironmentSpec(environment, env_arguments))) as env:
             guarded = GuardedEnv(env)
@@ -295,9 +300,10 @@ def import_(
     if kind == "minari":
         loaded = replace(Demonstrations.from_minari(source.removeprefix("minari:")), **known)
     elif kind == "csv":
-        episodes, schema, rows["filled"], rows["left out"] = read_csv(
-            source, known.get("schema"), columns=columns, delimiter=delimiter, log=log_format
-        )
+        table = partial(read_csv, source, columns=columns, delimiter=delimiter, log=log_format)
+        episodes, schema, rows["filled"], rows["left out"] = table(known.get("schema"))
+        if not known and (ordered := _as_named(schema, names)) != schema:
+            episodes, schema, *_ = table(ordered)
         with blamed(source):
             loaded = Demonstrations(episodes, schema, known.get("environment"), Path(source).stem)
     else:
@@ -307,13 +313,52 @@ def import_(
             f"{source} holds no transition: that takes two rows of an episode, the second of which "
             "is what the first one's action led to"
         )
-    names = given_names()
     if names is not None:
+        if (ordered := _as_named(loaded.schema, names)) != loaded.schema:
+            raise InvalidArgumentError(
+                f"names must be in the order of those in {source}, {_listed(loaded.schema)}, "
+                f"got {_listed(ordered)}"
+            )
         loaded = replace(loaded, schema=names.of(loaded.schema))
+        _check_kinds(loaded.schema, loaded.episodes)
         if names.derived and not loaded.schema.derived:
             loaded = derive(loaded, names.derived)
     loaded.save(out)
     return _written(loaded, str(out), **rows)
+
+
+def _as_named(schema: Schema, names: Names | None) -> Schema:
+    """Return a schema with features and actions in the order of names, where these are its own.
+
+    Raises:
+        InvalidArgumentError: Some of them are, and at other places.
+    """
+    if names is None or len(names.features) not in (0, len(schema.measured.features)):
+        return schema  # which the number of names does not fit
+    features, actions = schema.measured.features, schema.actions
+    if names.features:
+        named = Schema(tuple(map(Feature.from_label, names.features)), actions)
+        features = tuple(features[k] for k in order_of(features, named))
+    if sorted(names.actions) == sorted(actions) and not schema.controls:
+        actions = names.actions
+    return replace(schema, features=(*features, *schema.derived), actions=actions)
+
+
+def _listed(schema: Schema) -> str:
+    return f"{', '.join(schema.feature_names)} and {', '.join(schema.actions)}"
+
+
+def _check_kinds(schema: Schema, episodes: Iterable[Episode]) -> None:
+    """Raise InvalidArgumentError where a value is not of the kind of its feature."""
+    values = np.concatenate([episode.observations for episode in episodes])
+    for feature, column in zip(schema.measured.features, values.T, strict=False):
+        fits = (column == np.floor(column)) & (feature.low <= column) & (column <= feature.high)
+        if feature.is_integer and not fits.all():
+            what = f"a whole number from {feature.low:g} to {feature.high:g}"
+            raise InvalidArgumentError(
+                f"kind of {feature.name!r} must be that of its values: it is declared to be "
+                f"{what}, and {column[~fits][0]:g} was recorded"
+            )
 
 
 @demos.command(epilog="Example: eutree demos export demos/ minari:eutree/evasion2/human-v0")

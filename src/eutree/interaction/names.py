@@ -86,13 +86,13 @@ class Names(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
         """
         own = describe(env)
         schema = self.of(own)
-        measured = own.measured.feature_names
-        mine = schema.measured.feature_names
-        if mine != measured and sorted(mine) == sorted(measured):
-            raise InvalidArgumentError(
-                f"names must be in the order of the environment's own, {', '.join(measured)}, "
-                f"got {', '.join(mine)}"
-            )
+        features = schema.measured.feature_names, own.measured.feature_names
+        for mine, theirs in (features, (schema.actions, own.actions)):
+            if mine != theirs and sorted(mine) == sorted(theirs):
+                raise InvalidArgumentError(
+                    f"names must be in the order of the environment's own, {', '.join(theirs)}, "
+                    f"got {', '.join(mine)}"
+                )
         inner: Any = env.unwrapped  # where describe looks for names
         if self.features:
             inner.feature_names = schema.feature_names
