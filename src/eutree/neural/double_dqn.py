@@ -19,7 +19,7 @@ from eutree.arrays import Booleans, Float32s, Floats, Integers, freeze, grown
 from eutree.errors import InvalidArgumentError
 from eutree.neural import _kernels
 from eutree.neural._kernels import Learning, Network, Rates, StretchRows
-from eutree.validation import check_amounts, check_integer, check_number
+from eutree.validation import check_amounts, check_integer, check_measures, check_number
 
 FAR = 10.0  # in spreads: numbers farther from the mean look alike
 FLOOR = 0.05  # of the range: least spread of a feature
@@ -129,10 +129,8 @@ class DoubleDQNSettings:
     def __post_init__(self) -> None:
         check_amounts(self, hidden=1, quantiles=1, n_steps=1, batch=1)
         check_number("discount", self.discount, low=0.0, high=1.0)
-        for name in ("rate", "updates_per_step", "error", "norm"):
-            check_number(name, getattr(self, name), low=0.0, low_open=True)
-        for name in ("target", "average"):
-            check_number(name, getattr(self, name), low=0.0, high=1.0, low_open=True)
+        check_measures(self, "rate updates_per_step error norm", low=0.0, low_open=True)
+        check_measures(self, "target average", low=0.0, high=1.0, low_open=True)
 
 
 class DoubleDQN:
