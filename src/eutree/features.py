@@ -10,9 +10,11 @@ This is the one place in which the past is stacked: for the environment at the b
 episodes, and for policies, which keep a ``FeatureMap`` so that an export can name its inputs.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -207,3 +209,37 @@ class FeatureMap:
         onehot = np.concatenate([np.eye(self.n_actions)[actions], np.zeros((1, self.n_actions))])
         parts += [onehot[np.maximum(moments - k, -1)] for k in range(1, self.actions + 1)]
         return np.concatenate(parts, axis=1)
+
+
+class MemorylessPolicy(ABC):
+    """SB3's ``predict`` around a decision by the present features alone."""
+
+    reads_features = True  # it gets the vector of the environment's features, for any space
+
+    @abstractmethod
+    def decide(self, observations: Floats) -> Integers:
+        """Return the actions for observations, [..., d] to [...]."""
+
+    def predict(
+        self,
+        observation: ArrayLike,
+        state: Any = None,
+        episode_start: ArrayLike | None = None,
+        deterministic: bool = True,
+    ) -> tuple[Integers, Any]:
+        """Return the action for one observation [d], or those of a batch."""
+        return self.decide(np.asarray(observation, dtype=np.float64)), state
+
+
+class GreedyPolicy(MemorylessPolicy):
+    """Takes the actions of the largest values."""
+
+    @abstractmethod
+    def action_values(self, observations: Floats) -> Floats:
+        """Return the value of each action at observations [N, d], shape [N, A]."""
+
+    def decide(self, observations: Floats) -> Integers:
+        """Return the actions for one observation [d], or those of a batch."""
+        values = self.action_values(np.atleast_2d(observations))
+        actions: Integers = values.argmax(axis=1).reshape(observations.shape[:-1])
+        return actions

@@ -106,6 +106,14 @@ def check_amounts(value: object, **least: int) -> None:
             check_integer(name, amount, low=low)
 
 
+def check_measures(value: object, names: str, **bounds: Any) -> None:
+    """Raise unless each attribute, in words apart, is such a number, or its usual None."""
+    for name in names.split():
+        number = getattr(value, name)
+        if number is not None or getattr(type(value), name, 0.0) is not None:
+            check_number(name, number, **bounds)
+
+
 def check_choice(name: str, value: _Value, choices: Iterable[_Value]) -> _Value:
     """Return ``value`` if it is among ``choices``, or raise UnknownNameError with the nearest."""
     choices = list(choices)

@@ -24,7 +24,7 @@ from eutree.interaction.first_look import return_range as known_range
 from eutree.interaction.making import Environment, Recipe, made
 from eutree.policies import TreePolicy
 from eutree.schema import EnvironmentSpec
-from eutree.validation import check_integer, check_number, check_range
+from eutree.validation import check_integer, check_measures, check_number, check_range
 
 ROUNDED_EPISODES = 200  # that measure the effect of rounding, at most
 SUCCESS = 0.005  # that a tree may succeed less often
@@ -210,8 +210,7 @@ class RealEpisodes:
     def __post_init__(self) -> None:
         check_integer("episodes", self.episodes, low=2)
         check_number("confidence", self.confidence, low=0.5, high=1, low_open=True, high_open=True)
-        if self.margin is not None:
-            check_number("margin", self.margin, low=0.0)
+        check_measures(self, "margin", low=0.0)
         if self.return_range is not None:
             object.__setattr__(self, "return_range", check_range("return_range", self.return_range))
 

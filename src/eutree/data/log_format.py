@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from eutree.data.episode import ALLOWED
 from eutree.errors import InvalidArgumentError
 from eutree.schema import Feature, Schema
-from eutree.validation import check_listed, check_number
+from eutree.validation import check_listed, check_measures
 
 KNOWN = (
     "episode", "step", "action", "action_name", "reward", "terminated", "truncated", "seed",
@@ -64,8 +64,7 @@ class LogFormat:
             raise InvalidArgumentError(
                 f"missing must be {HOLD}, {LEAVE_OUT} or a number, got {self.missing!r}"
             )
-        if self.episode_gap is not None:
-            check_number("episode_gap", self.episode_gap, low=0.0, low_open=True)
+        check_measures(self, "episode_gap", low=0.0, low_open=True)
         if self.one_episode and self.episode_gap is not None:
             raise InvalidArgumentError("one_episode has no gap between episodes: give one of them")
         if "" in self.actions:

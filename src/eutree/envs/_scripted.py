@@ -1,43 +1,22 @@
 """Policies that decide by the present observation alone, by a written rule."""
 
 import math
-from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Any
 
 import gymnasium
 import numpy as np
-from numpy.typing import ArrayLike
 
 from eutree.arrays import Floats, Integers, frozen
 from eutree.envs._dynamics import GO, REFLECT, STOP, EvasionParameters, EvasionState, reflect, turn
 from eutree.envs.evasion import EvasionEnv
 from eutree.errors import InvalidArgumentError
+from eutree.features import MemorylessPolicy
 
 Rule = Callable[[Floats], Integers]  # [..., d] -> [...]
 
 
-class ScriptedPolicy(ABC):
-    """SB3's ``predict`` around a decision that needs no memory."""
-
-    reads_features = True  # it gets the vector of the environment's features, for any space
-
-    @abstractmethod
-    def decide(self, observations: Floats) -> Integers:
-        """Return the actions for observations, [..., d] to [...]."""
-
-    def predict(
-        self,
-        observation: ArrayLike,
-        state: Any = None,
-        episode_start: ArrayLike | None = None,
-        deterministic: bool = True,
-    ) -> tuple[Any, Any]:
-        """Return the action for one observation, or those of a batch."""
-        return self.decide(np.asarray(observation, dtype=np.float64)), state
-
-
-class RulePolicy(ScriptedPolicy):
+class RulePolicy(MemorylessPolicy):
     """Acts by a written rule, from observations [..., d] to actions [...]."""
 
     def __init__(self, rule: Rule) -> None:
@@ -197,7 +176,7 @@ GATE_SLACK = 0.25
 MARGIN = 0.75  # that the planner keeps from collisions, against noise [m]
 
 
-class GatePolicy(ScriptedPolicy):
+class GatePolicy(MemorylessPolicy):
     """Waits at the gate of each crossing while its opponent is near.
 
     The gate of a crossing is the last step before its collision band; where bands are close, a gate
@@ -228,7 +207,7 @@ class GatePolicy(ScriptedPolicy):
         return np.where(waits & ~in_reach, STOP, GO)
 
 
-class LookAheadPolicy(ScriptedPolicy):
+class LookAheadPolicy(MemorylessPolicy):
     """Plans with perfect information: directions too, everybody without noise, to the goal.
 
     At each step the full state of ``env`` is read, and the best sequence of actions is found by

@@ -357,7 +357,8 @@ class Against:
 
     def facts(self) -> dict[str, Any]:
         """Return it in JSON's types."""
-        success, other = self.success_interval, self.other
+        success = self.success_interval
+        shown = ("mean_return", "worst_return", "return_quantile_05", "success_rate", "n_leaves")
         return {
             "name": self.name,
             "episodes_compared": self.episodes,
@@ -368,11 +369,7 @@ class Against:
             "success": self.success_change,
             "success_interval": None if success is None else list(success),
             "condition": self.condition,
-            "mean_return": other.mean_return,
-            "worst_return": other.worst_return,
-            "return_quantile_05": other.return_quantile_05,
-            "success_rate": other.success_rate,
-            "n_leaves": other.n_leaves,
+            **{name: getattr(self.other, name) for name in shown},
         }
 
     def describe(self, name: str) -> str:

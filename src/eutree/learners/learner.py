@@ -51,7 +51,6 @@ class ValuingPolicy(Policy, Protocol):
 
     def action_values(self, observations: Floats) -> Floats:
         """Return the value of each action at observations [N, d], shape [N, A]."""
-        ...
 
 
 class Step(NamedTuple):
@@ -297,39 +296,30 @@ class Learner(Protocol):
     @property
     def history(self) -> History:
         """The store of all transitions."""
-        ...
 
     def start_episode(self, observation: Floats, generator: np.random.Generator) -> None:
         """Begin an episode at its first observation, shape [d]; all its chance is ``generator``."""
-        ...
 
     def act(self) -> int:
         """Return the action for the present observation; see ``ActsAmongAllowed``."""
-        ...
 
     def observe(self, step: Step) -> None:
         """Take a step; learn from it at once, or only keep it."""
-        ...
 
     def end_episode(self) -> None:
         """Store the episode, whose last step was terminated or truncated."""
-        ...
 
     def discard_episode(self) -> None:
         """Be as before ``start_episode``, to the bit; do nothing between two episodes."""
-        ...
 
     def update(self, generator: np.random.Generator) -> Update:
         """Learn from the history: an expansion phase, a planning, a clustering."""
-        ...
 
     def decisions(self) -> Decisions:
         """Return the present policy as a tree."""
-        ...
 
     def state(self) -> Arrays:
         """Return all that is known between two episodes; ``Method.restore`` takes it back."""
-        ...
 
 
 class ActsAmongAllowed(Protocol):
@@ -337,7 +327,6 @@ class ActsAmongAllowed(Protocol):
 
     def act(self, allowed: Booleans | None = None) -> int:
         """Return the action for the present observation, among those that are allowed, [A]."""
-        ...
 
 
 class Method(Protocol):
@@ -357,15 +346,12 @@ class Method(Protocol):
     @property
     def gathering_episodes(self) -> int:
         """Episodes between two updates."""
-        ...
 
     def start(self, problem: Problem, start: Start) -> Learner:
         """Return a learner at its start."""
-        ...
 
     def restore(self, problem: Problem, start: Start, state: Arrays) -> Learner:
         """Return the learner whose ``state()`` this was; it goes on to the same bytes."""
-        ...
 
     def declared(self, problem: Problem, start: Start) -> Declared:
         """Return the declaration of a ``state()``: names, elements, axes and ranges.
@@ -373,7 +359,6 @@ class Method(Protocol):
         A checkpoint is compared with it before ``restore`` is called. Compiled loops trust their
         indices, so the range of each index is the size of the array that it points into.
         """
-        ...
 
 
 class MethodOfParts:
@@ -407,7 +392,6 @@ class ChoosesStarts(Protocol):
 
         Episodes of one number begin alike: the environment is reset with the same seed.
         """
-        ...
 
 
 @runtime_checkable
@@ -417,7 +401,6 @@ class HasStages(Protocol):
     @property
     def stage_name(self) -> str:
         """The name of the present stage, in one or two words."""
-        ...
 
 
 @runtime_checkable
@@ -427,12 +410,10 @@ class HasTeacher(Protocol):
     @property
     def teacher(self) -> ValuingPolicy:
         """Who teaches."""
-        ...
 
     @property
     def teacher_acts(self) -> bool:
         """Whether the present episode is the teacher's."""
-        ...
 
 
 @runtime_checkable
@@ -441,7 +422,6 @@ class KnowsItsModel(Protocol):
 
     def model_trust(self) -> ModelTrust | None:
         """Return how its world model orders trees that were run; None without one."""
-        ...
 
 
 @runtime_checkable
@@ -450,7 +430,6 @@ class Imagines(Protocol):
 
     def imagined(self, n_episodes: int, generator: np.random.Generator) -> PairedRollouts | None:
         """Return where trees can be compared, in so many episodes of each; None at first."""
-        ...
 
 
 @runtime_checkable
@@ -459,7 +438,6 @@ class TriesTrees(Protocol):
 
     def on_trial(self) -> Decisions | None:
         """Return the tree that waits for its evaluation to end; None if there is none."""
-        ...
 
 
 @runtime_checkable
@@ -468,7 +446,6 @@ class HasPolicy(Protocol):
 
     def own_policy(self) -> Policy:
         """Return the present policy, frozen."""
-        ...
 
 
 def check_fits(method: Method, problem: Problem, start: Start, *, offline: bool = False) -> None:

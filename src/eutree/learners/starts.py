@@ -23,7 +23,7 @@ from eutree.data.demonstrations import check_shown, lesson_masks, lessons, taugh
 from eutree.data.episode import CUT, allowed_in
 from eutree.display import counted
 from eutree.errors import InvalidArgumentError
-from eutree.learners.learner import Problem, Start, StartName
+from eutree.learners.learner import Decisions, Problem, Start, StartName
 from eutree.policies import LeafStatistics, TreePolicy
 from eutree.policies.reach import among_allowed, within_kinds
 from eutree.trees import DecisionTree
@@ -262,14 +262,8 @@ def random_tree(
         below, above = (box[leaf, feature] for box in leaf_boxes(tree))
         ends = max(below, low[feature]), min(above, high[feature])
         tree = tree.split(leaf, feature, float(generator.uniform(*ends)))
-    return TreePolicy(
-        tree=tree,
-        actions=generator.integers(problem.n_actions, size=tree.n_leaves),
-        schema=problem.schema,
-        environment=problem.environment,
-        history=problem.history,
-        past_actions=problem.past_actions,
-    )
+    actions = generator.integers(problem.n_actions, size=tree.n_leaves)
+    return Decisions(tree, actions).policy(problem)
 
 
 def _box(problem: Problem, demonstrations: Demonstrations | None) -> tuple[Floats, Floats]:

@@ -10,16 +10,16 @@ slow average of the weights (Polyak and Juditsky 1992), which acts more evenly t
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from eutree.arrays import Booleans, Float32s, Floats, Integers, freeze, grown
 from eutree.errors import InvalidArgumentError
+from eutree.features import GreedyPolicy
 from eutree.neural import _kernels
 from eutree.neural._kernels import Learning, Network, Rates, StretchRows
-from eutree.validation import check_amounts, check_integer, check_number
+from eutree.validation import check_amounts, check_integer, check_measures, check_number
 
 FAR = 10.0  # in spreads: numbers farther from the mean look alike
 FLOOR = 0.05  # of the range: least spread of a feature
@@ -129,14 +129,14 @@ class DoubleDQNSettings:
     def __post_init__(self) -> None:
         check_amounts(self, hidden=1, quantiles=1, n_steps=1, batch=1)
         check_number("discount", self.discount, low=0.0, high=1.0)
-        for name in ("rate", "updates_per_step", "error", "norm"):
-            check_number(name, getattr(self, name), low=0.0, low_open=True)
-        for name in ("target", "average"):
-            check_number(name, getattr(self, name), low=0.0, high=1.0, low_open=True)
+        check_measures(self, "rate updates_per_step error norm", low=0.0, low_open=True)
+        check_measures(self, "target average", low=0.0, high=1.0, low_open=True)
 
 
-class DoubleDQN:
+class DoubleDQN(GreedyPolicy):
     """A network that learns the values of actions from stored episodes.
+
+    As a policy it acts by the averaged weights.
 
     Args:
         settings: How it learns.
@@ -149,10 +149,7 @@ class DoubleDQN:
     Attributes:
         updates: Updates so far.
         n_rows: Stretches stored so far: one for each step.
-        reads_features: As a policy it gets the vector of the environment's features.
     """
-
-    reads_features: ClassVar[bool] = True
 
     def __init__(
         self,
@@ -241,21 +238,6 @@ class DoubleDQN:
         quantiles = found.reshape(len(found), self._n_actions, self._settings.quantiles)
         values: Floats = quantiles.mean(axis=2) / self._reward_scale
         return values
-
-    def predict(
-        self,
-        observation: ArrayLike,
-        state: Any = None,
-        episode_start: ArrayLike | None = None,
-        deterministic: bool = True,
-    ) -> tuple[Integers, Any]:
-        """Return the action for one observation [d], or those of a batch, by the averaged weights.
-
-        The other arguments are those of SB3's ``predict`` and say nothing here.
-        """
-        features = np.asarray(observation, dtype=np.float64)
-        values = self.action_values(np.atleast_2d(features))
-        return values.argmax(axis=1).reshape(features.shape[:-1]), state
 
     def state(self) -> dict[str, Float32s | Integers]:
         """Return all weights; with the episodes added again, a learner goes on from there."""

@@ -128,7 +128,6 @@ class Policy(Protocol):
         deterministic: bool = True,
     ) -> tuple[Any, Any]:
         """Return the action for one observation (or a batch) and the policy's next state."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ from eutree.contests import AheadApart, Table, Verdict, new_table
 from eutree.contests.rules import lead_apart
 from eutree.policy_search.climbing import luckiest, restarts
 from eutree.policy_search.improvement import Improvement
-from eutree.validation import check_amounts, check_number
+from eutree.validation import check_amounts, check_measures, check_number
 from eutree.world_model import ActionTree, PairedRollouts, Transitions, WorldModel, fit_world_models
 from eutree.world_model.action_trees import n_leaves, packed
 
@@ -147,9 +147,7 @@ class Planner:
         check_amounts(self, n_episodes=8, n_steps=1, n_explorer_episodes=8, min_episodes=2)
         check_amounts(self, trial_steps=1, memory=2, max_transitions=1, incumbent_first=0)
         check_number("explorer_share", self.explorer_share, low=0.0, high=1.0)
-        for name in ("pessimism", "optimism"):
-            share = getattr(self, name)
-            check_number(name, share, low=0.0, high=1.0, low_open=True, high_open=True)
+        check_measures(self, "pessimism optimism", low=0.0, high=1.0, low_open=True, high_open=True)
         check_number("growth", self.growth, low=1.0)
         check_number("discount", self.discount, low=0.0, high=1.0)
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from eutree.arrays import Floats
 from eutree.data import Episode
-from eutree.validation import check_integer, check_number, check_seed
+from eutree.validation import check_integer, check_measures, check_number, check_seed
 
 Number = Annotated[int, msgspec.Meta(ge=0, lt=2**32)]  # of a picture or of a key
 
@@ -45,8 +45,7 @@ class SessionSettings:
         check_seed(self.seed)
         check_integer("first", self.first)
         check_number("countdown", self.countdown, low=0.0)
-        if self.fps is not None:
-            check_number("fps", self.fps, low=0.0, high=240.0, low_open=True)
+        check_measures(self, "fps", low=0.0, high=240.0, low_open=True)
 
 
 @dataclass(frozen=True)

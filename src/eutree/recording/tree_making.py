@@ -121,7 +121,6 @@ class Show(Protocol):
 
     def __call__(self, view: TreeView, programme: Programme | None = None) -> None:
         """Show a view; let the tree drive in the page's picture if there is a programme."""
-        ...
 
 
 class TreeMaker(Protocol):
@@ -133,31 +132,24 @@ class TreeMaker(Protocol):
 
     def make(self, show: Show, stop: Callable[[], bool]) -> None:
         """Fit a tree to the demonstrations recorded so far, and let it play."""
-        ...
 
     def practise(self, show: Show, stop: Callable[[], bool]) -> None:
         """Let the tree learn for a while, and keep the better one."""
-        ...
 
     def missing(self) -> Scene | None:
         """Return a situation not shown yet, as a scene; None if nothing is found."""
-        ...
 
     def choose(self, way: int, show: Show) -> None:
         """Keep the tree of one of the ways that were shown."""
-        ...
 
     def look(self, show: Show, stop: Callable[[], bool]) -> None:
         """Find the seconds of the demonstrations that cost the tree its success."""
-        ...
 
     def make_without(self, show: Show, stop: Callable[[], bool]) -> None:
         """Make the tree of the steps left, beside the one of all, and ask which one to keep."""
-        ...
 
     def settle(self, show: Show, *, undo: bool) -> None:
         """Keep the tree of the steps left, or the one before it."""
-        ...
 
 
 class Guide(Protocol):
@@ -165,15 +157,12 @@ class Guide(Protocol):
 
     def advance(self, now: float) -> list[Event]:
         """Go on to the next part if this one is over; return the events for the session."""
-        ...
 
     def hear(self, name: str, place: int, text: str) -> None:
         """Take in the person's answer to the guide."""
-        ...
 
     def view(self) -> dict[str, Any]:
         """Return the guide's fields on the page, in JSON's types."""
-        ...
 
 
 class Wishes:

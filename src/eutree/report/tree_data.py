@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from eutree.arrays import Floats
+from eutree.arrays import Floats, plain
 from eutree.data import Demonstrations, Episode
 from eutree.display import decimals_of, told_apart, usual_width
 from eutree.errors import InvalidArgumentError
@@ -41,8 +41,8 @@ def tree_data(
         {
             "name": feature.name,
             "unit": feature.unit,
-            "low": _finite(feature.low),
-            "high": _finite(feature.high),
+            "low": plain(feature.low),
+            "high": plain(feature.high),
             "decimals": decimals,
             "isPart": not asked.isdisjoint(policy.derivation.made_of(number)),
         }
@@ -64,7 +64,7 @@ def tree_data(
         }
     return {
         "tree": {name: getattr(tree, name).tolist() for name in names}
-        | {"threshold": [_finite(value) for value in tree.threshold.tolist()]},
+        | {"threshold": plain(tree.threshold)},
         "tests": _tests(policy),
         "features": shown,
         "actions": list(schema.actions),
@@ -195,7 +195,3 @@ def _rounded(matrix: Floats, digits: int = SHORT) -> list[list[float | None]]:
         [float(f"{value:.{digits}g}") if np.isfinite(value) else None for value in row]
         for row in matrix.tolist()
     ]
-
-
-def _finite(value: float) -> float | None:
-    return value if np.isfinite(value) else None

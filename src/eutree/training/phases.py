@@ -28,7 +28,7 @@ from eutree.learners import Step
 from eutree.training.handover import Handover
 from eutree.training.proposals import SearchSettings
 from eutree.training.race_state import Count
-from eutree.validation import check_amounts, check_number, check_seed
+from eutree.validation import check_amounts, check_measures, check_seed
 
 USUAL = 400  # episodes of a run; in one of so many, or more, evaluation is no matter of proportion
 FEW = 40  # episodes up to which half as many are played beside
@@ -139,8 +139,7 @@ class Plan:
 
     def __post_init__(self) -> None:
         check_amounts(self, episodes=0, steps=1, evaluate_every=1)
-        if self.seconds is not None:
-            check_number("seconds", self.seconds, low=0.0, low_open=True)
+        check_measures(self, "seconds", low=0.0, low_open=True)
         check_seed(self.seed)
 
     def room(self, at: "Position") -> int | None:

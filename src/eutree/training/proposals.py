@@ -14,7 +14,7 @@ import numpy as np
 from eutree.arrays import Booleans, Floats, Integers
 from eutree.compiled import compiled
 from eutree.compression.smaller_trees import Costs, Ladder, with_locks
-from eutree.contests.rules import OBVIOUS, Lead
+from eutree.contests.rules import OBVIOUS, Lead, lead_apart
 from eutree.data import Episode
 from eutree.policies import TreePolicy
 from eutree.policy_search.climbing import annealed, annealed_together, climbed, restarts
@@ -74,8 +74,8 @@ class Advantages:
         own = self.gains[differs & (policy == self.actions)]
         if min(likes.size, own.size) < FEW:
             return 0.0
-        error = np.sqrt(likes.var() / likes.size + own.var() / own.size)
-        return float((likes.mean() - own.mean()) / max(error, 1e-9))
+        lead = lead_apart(own, likes)
+        return lead.mean / max(lead.error, 1e-9)
 
 
 @compiled

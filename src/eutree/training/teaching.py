@@ -3,13 +3,13 @@
 import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from eutree.arrays import Floats, Integers
+from eutree.arrays import Floats
 from eutree.errors import InvalidArgumentError
+from eutree.features import GreedyPolicy
 from eutree.interaction import GuardedEnv
 from eutree.interaction.acting import Actor, Controller, as_policy, trained_steps
 from eutree.policies import TreePolicy
@@ -57,14 +57,8 @@ class Teacher:
         return f"{kind}, {self.cost} steps"
 
 
-class AskedTeacher:
-    """A teacher of one's own as a learner sees it, who senses the environment's features.
-
-    Attributes:
-        reads_features: As a policy it gets the vector of the environment's features.
-    """
-
-    reads_features = True
+class AskedTeacher(GreedyPolicy):
+    """A teacher of one's own as a learner sees it, who senses the environment's features."""
 
     def __init__(self, teacher: Teacher, env: GuardedEnv) -> None:
         policy = as_policy(teacher.policy, env.env)
@@ -90,18 +84,6 @@ class AskedTeacher:
                 f"got shape {table.shape}"
             )
         return table
-
-    def predict(
-        self,
-        observation: ArrayLike,
-        state: Any = None,
-        episode_start: ArrayLike | None = None,
-        deterministic: bool = True,
-    ) -> tuple[Integers, Any]:
-        """Return its action for one observation [d], or those of a batch."""
-        features = np.asarray(observation, dtype=np.float64)
-        values = self.action_values(np.atleast_2d(features))
-        return values.argmax(axis=1).reshape(features.shape[:-1]), state
 
     def _decision(self, observation: Floats) -> int:
         """Return its action at one observation [d]."""

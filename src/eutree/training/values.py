@@ -23,7 +23,7 @@ from eutree.training.listeners import (
 from eutree.training.run import Run
 from eutree.training.run_folder import started
 from eutree.training.teaching import Teacher
-from eutree.validation import check_amounts, check_kind, check_number
+from eutree.validation import check_amounts, check_kind, check_measures
 
 if TYPE_CHECKING:
     from eutree.proof import Certificate
@@ -54,8 +54,7 @@ class Budget:
 
     def __post_init__(self) -> None:
         check_amounts(self, episodes=0, steps=1, race_steps=0)
-        if self.minutes is not None:
-            check_number("minutes", self.minutes, low=0.0, low_open=True)
+        check_measures(self, "minutes", low=0.0, low_open=True)
 
     @property
     def is_open(self) -> bool:
@@ -98,8 +97,7 @@ class Folder:
     def __post_init__(self) -> None:
         if not isinstance(self.path, str | Path):
             raise InvalidArgumentError(f"out must be the path of a folder, got {shown(self.path)}")
-        if self.checkpoint_seconds is not None:
-            check_number("checkpoint_seconds", self.checkpoint_seconds, low=0.0)
+        check_measures(self, "checkpoint_seconds", low=0.0)
 
 
 class ShortForms(TypedDict, total=False):

@@ -22,7 +22,7 @@ from eutree.arrays import Float32s, Floats, Integers
 from eutree.features import Derivation, threshold_between
 from eutree.neural import Network, Scaling
 from eutree.neural.double_dqn import CHUNK, SLOWEST, copied, network_of, random_network
-from eutree.validation import check_amounts, check_number
+from eutree.validation import check_amounts, check_measures
 from eutree.world_model import _kernels_ensemble as kernels
 from eutree.world_model._kernels_ensemble import BAD, GOES_ON, GOOD, Fitting, Scales, Steps
 from eutree.world_model._kernels_ensemble_lanes import ROWS, EnsembleWorld
@@ -63,8 +63,7 @@ class EnsembleSettings:
 
     def __post_init__(self) -> None:
         check_amounts(self, members=1, hidden=1, batch=1, updates=1, more_updates=1, recent=1)
-        for name in ("rate", "more_rate"):
-            check_number(name, getattr(self, name), low=0.0, low_open=True)
+        check_measures(self, "rate more_rate", low=0.0, low_open=True)
 
 
 def scales_of(data: Transitions) -> Scales:

@@ -35,7 +35,7 @@ from eutree.learners.learner import (
 from eutree.neural import DoubleDQNSettings
 from eutree.neural.double_dqn import n_weights
 from eutree.policy_search.model_trust import ModelTrust
-from eutree.validation import check_amounts, check_integer, check_number
+from eutree.validation import check_amounts, check_integer, check_measures, check_number
 from eutree.world_model.action_trees import from_decision_tree, n_leaves, to_decision_tree
 from eutree.world_model.ensemble import EnsembleSettings
 
@@ -97,11 +97,8 @@ class DistilledDQN:
         check_amounts(self, max_leaves=2, steps=1, teacher_steps=1, demonstration_updates=1)
         check_integer("sums", self.sums, low=0)
         check_number("leaf_price", self.leaf_price, low=0.0)
-        for name in (
-            "teacher_share", "learning_share", "dagger_share", "last_share", "exploration",
-            "last_exploration",
-        ):  # fmt: skip
-            check_number(name, getattr(self, name), low=0.0, high=1.0)
+        check_measures(self, "teacher_share learning_share dagger_share", low=0.0, high=1.0)
+        check_measures(self, "last_share exploration last_exploration", low=0.0, high=1.0)
 
     def start(self, problem: Problem, start: Start) -> "DistilledDQNLearner":
         """Return a learner at its start.

@@ -46,7 +46,7 @@ from eutree.mdp import TabularMDP, TransitionCounts
 from eutree.policies.leaf_statistics import leaf_statistics
 from eutree.splitting import KolmogorovSmirnov, LeafSample, Naive, SignificanceTest, Split
 from eutree.trees import DecisionTree
-from eutree.validation import check_amounts, check_number
+from eutree.validation import check_amounts, check_measures, check_number
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,10 +86,8 @@ class Discretizer(MethodOfParts):
     max_transitions: int | None = None
 
     def __post_init__(self) -> None:
-        check_number("discount", self.discount, low=0.0, high=1.0)
-        check_number("exploration", self.exploration, low=0.0, high=1.0)
-        check_number("solve_growth", self.solve_growth, low=1.0)
-        check_number("retest_growth", self.retest_growth, low=1.0)
+        check_measures(self, "discount exploration", low=0.0, high=1.0)
+        check_measures(self, "solve_growth retest_growth", low=1.0)
         if self.untried_value is not None:
             check_number("untried_value", self.untried_value)
         check_amounts(self, gathering_episodes=1, backups=0, max_transitions=1)

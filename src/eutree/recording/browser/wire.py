@@ -209,9 +209,7 @@ class Gate:
         allowed = {f"http://{hosts[0]}", f"https://{hosts[0]}"}
         if any(origin not in allowed for origin in origins):
             return HTTPStatus.FORBIDDEN
-        if path != SOCKET_PATH:
-            return None
-        if len(origins) != 1 or not self._has_token(protocols):
+        if path == SOCKET_PATH and (len(origins) != 1 or not self._has_token(protocols)):
             return HTTPStatus.FORBIDDEN
         return None
 
