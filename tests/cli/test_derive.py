@@ -1,5 +1,6 @@
 """Derived features from the shell: declared once, they go with all that follows."""
 
+import json
 import shlex
 from dataclasses import replace
 from pathlib import Path
@@ -106,3 +107,21 @@ def test_fit_proposes_what_would_help(eutree):
     refused = eutree("evaluate", "q.json", "CartPole-v1", "--derive", "auto")
     assert refused.code == 2
     assert "auto is understood by fit" in refused.err
+
+
+def test_a_renamed_tree_with_derived_features_is_told_of_names(eutree):
+    """Its formulas were read under the environment's names first: unknown feature 'tilt'."""
+    line = ("record", "CartPole-v1", "--expert", "fall", "--episodes", 4, "--out", "raw")
+    assert eutree(*line).code == 0
+    assert eutree("fit", "raw", "--derive", "turn = angle - last(angle)", "--history", 0,
+                  "--episodes", 0, "--out", "p.json").code == 0  # fmt: skip
+    names = {"features": ["place [m]", "speed [m/s]", "tilt [deg]", "spin [deg/s]"]}
+    Path("names.json").write_text(json.dumps(names))
+    edited = eutree("edit", "p.json", "--rename", "names.json", "--episodes", 2, "--out", "q.json")
+    assert edited.code == 0
+    assert TreePolicy.load("q.json").schema.derived[0].unit == "deg"
+    answer = eutree("evaluate", "q.json", "--episodes", 3)
+    assert answer.code == 2
+    assert "names of a file are given here, too, by --names" in answer.err
+    named = eutree("evaluate", "q.json", "--episodes", 3, "--names", "names.json")
+    assert named.out == eutree("evaluate", "p.json", "--episodes", 3).out
