@@ -290,20 +290,22 @@ class Schema:
         """Return the schema with the names and units of others for the measured features.
 
         Args:
-            features: A feature for each that is measured, or for each of all.
+            features: A feature for each that is measured; the units of those derived follow anew.
             actions: Names of the actions.
         """
-        names = [*(feature.name for feature in features), *self.feature_names[len(features) :]]
-        mine = (*features, *self.features[len(features) :])
-        return Schema(
-            tuple(
-                replace(was, name=new.name, unit=new.unit, formula=was.formula and renamed(
-                    was.formula, self.feature_names[:j], [in_formula(name) for name in names[:j]]))
-                for j, (was, new) in enumerate(zip(self.features, mine, strict=True))
-            ),
-            actions,
-            self.controls,
-        )  # fmt: skip
+        measured = tuple(
+            replace(was, name=new.name, unit=new.unit)
+            for was, new in zip(self.measured.features, features, strict=True)
+        )
+        words = [in_formula(feature.name) for feature in (*measured, *self.derived)]
+        units = [feature.unit for feature in self.features]
+        derived = []
+        for j, was in enumerate(self.derived, len(measured)):
+            names = self.feature_names[:j]
+            unit = "" if was.unit == parse(was.formula, names).unit(units) else was.unit
+            formula = renamed(was.formula, names, words[:j])
+            derived.append(replace(was, unit=unit, formula=formula))
+        return Schema(measured, actions, self.controls).derive(derived)
 
     @property
     def n_actions(self) -> int:
@@ -332,10 +334,11 @@ class Schema:
         """
         if not self._names_fit(other, either=either):
             hint = "; names of a file are given here, too, by --names"
+            alike = len(self.features) in (len(other.features), len(other.measured.features))
             raise InvalidArgumentError(
                 f"{what} must have the features and actions of {of}, {list(self.feature_names)} "
                 f"and {list(self.actions)}, got {list(other.feature_names)} and "
-                f"{list(other.actions)}{hint * (self.n_features == other.n_features)}"
+                f"{list(other.actions)}{hint * alike}"
             )
 
     def with_names_of(self, other: "Schema") -> "Schema":

@@ -1,5 +1,6 @@
 """Derived features from the shell: declared once, they go with all that follows."""
 
+import json
 import shlex
 from dataclasses import replace
 from pathlib import Path
@@ -106,3 +107,64 @@ def test_fit_proposes_what_would_help(eutree):
     refused = eutree("evaluate", "q.json", "CartPole-v1", "--derive", "auto")
     assert refused.code == 2
     assert "auto is understood by fit" in refused.err
+
+
+def test_a_policy_is_loaded_where_features_are_declared(eutree):
+    """``--derive`` and a file's "derived" were taken for those of ``edit --rename``."""
+    turn = "turn = angle - last(angle)"
+    Path("names.json").write_text(json.dumps({"derived": [turn]}))
+    assert eutree("record", "CartPole-v1", "--expert", "fall", "--episodes", 4, "--out", "raw",
+                  "--seed", 1).code == 0  # fmt: skip
+    for options, out in ((), "plain.json"), (("--names", "names.json"), "derived.json"):
+        line = ("fit", "raw", "--history", 0, "--episodes", 0, "--out", out, *options)
+        assert eutree(*line).code == 0
+        alone = eutree("evaluate", out, "--episodes", 3).out
+        for again in (("--derive", turn), ("--names", "names.json")):
+            assert eutree("evaluate", out, "--episodes", 3, *again).out == alone
+            distilled = eutree("distill", "CartPole-v1", "--policy", out, "--demos", "raw",
+                               "--method", "cloning", "--validation-episodes", 2, "--out", "d.json",
+                               *again)  # fmt: skip
+            assert distilled.code == 0, distilled.err
+            assert TreePolicy.load("d.json").schema.derived[0].name == "turn"
+            edited = eutree("edit", out, "--set-action", "0=left", "--episodes", 2, "--out",
+                            "e.json", *again)  # fmt: skip
+            assert edited.code == 0, edited.err
+            shown = eutree("show", out, "--html", "p.html", "--episodes", 2, *again)
+            assert "no episodes" not in shown.out
+    other = eutree("evaluate", "derived.json", "--derive", "turn = angle * 2", "--episodes", 3)
+    assert other.code == 2
+    assert "as those of the environment, ['angle * 2'], got ['angle - last(angle)']" in other.err
+    past = ("fit", "raw", "--history", 1, "--episodes", 0, "--out", "past.json")
+    assert eutree(*past).code == 0
+    refused = eutree("evaluate", "past.json", "--derive", turn)
+    assert refused.code == 2
+    assert "past.json must have the features" in refused.err
+
+
+def test_a_teacher_s_demonstrations_need_not_have_what_it_derives(eutree):
+    line = ("record", "CartPole-v1", "--expert", "fall", "--episodes", 4, "--out", "raw")
+    assert eutree(*line).code == 0
+    assert eutree("fit", "raw", "--derive", "lean = angle / position", "--history", 0,
+                  "--episodes", 0, "--out", "p.json").code == 0  # fmt: skip
+    for teacher in "--policy", "--expert":
+        answer = eutree("distill", "CartPole-v1", teacher, "p.json", "--demos", "raw", "--method",
+                        "cloning", "--validation-episodes", 2, "--out", "d.json")  # fmt: skip
+        assert answer.code == 0, answer.err
+
+
+def test_a_renamed_tree_with_derived_features_is_told_of_names(eutree):
+    """Its formulas were read under the environment's names first: unknown feature 'tilt'."""
+    line = ("record", "CartPole-v1", "--expert", "fall", "--episodes", 4, "--out", "raw")
+    assert eutree(*line).code == 0
+    assert eutree("fit", "raw", "--derive", "turn = angle - last(angle)", "--history", 0,
+                  "--episodes", 0, "--out", "p.json").code == 0  # fmt: skip
+    names = {"features": ["place [m]", "speed [m/s]", "tilt [deg]", "spin [deg/s]"]}
+    Path("names.json").write_text(json.dumps(names))
+    edited = eutree("edit", "p.json", "--rename", "names.json", "--episodes", 2, "--out", "q.json")
+    assert edited.code == 0
+    assert TreePolicy.load("q.json").schema.derived[0].unit == "deg"
+    answer = eutree("evaluate", "q.json", "--episodes", 3)
+    assert answer.code == 2
+    assert "names of a file are given here, too, by --names" in answer.err
+    named = eutree("evaluate", "q.json", "--episodes", 3, "--names", "names.json")
+    assert named.out == eutree("evaluate", "p.json", "--episodes", 3).out

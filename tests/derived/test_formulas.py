@@ -177,6 +177,14 @@ def test_formulas_follow_new_names():
     ]
 
 
+def test_units_that_follow_from_a_formula_follow_new_units():
+    schema = ROAD.derive(["gap = distance / speed", "rest = gap - last(gap)", "far [%] = distance"])
+    assert [feature.unit for feature in schema.derived] == ["s", "s", "%"]
+    others = [Feature("way", "km"), Feature("speed", "km/h"), *ROAD.features[2:]]
+    named = schema.renamed(others, ROAD.actions)
+    assert [feature.unit for feature in named.derived] == ["h", "h", "%"]
+
+
 @given(formulas_of("a", "b", '"c d"', "last(a)", "2", "0.1"))
 def test_a_formula_with_the_brackets_that_it_needs_is_the_same_formula(text):
     names = ("a", "b", "c d")

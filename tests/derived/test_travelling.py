@@ -173,6 +173,14 @@ def test_a_formula_of_another_environment_is_said(policy):
         eutree.evaluate(policy, "MountainCar-v0", episodes=1)
 
 
+def test_what_has_one_name_has_one_formula(policy):
+    other = DerivedObservation(gym.make("CartPole-v1"), ["lean = angle * position"])
+    with pytest.raises(InvalidArgumentError, match=r"\['angle \* position'\], got \['angle / pos"):
+        eutree.evaluate(policy, other, episodes=1)
+    spelt = DerivedObservation(gym.make("CartPole-v1"), ["lean = (angle)/position", *DECLARED[1:]])
+    assert eutree.evaluate(policy, spelt, episodes=1).episodes == 1
+
+
 def test_the_past_is_not_derived_twice(policy):
     demos = eutree.record(gym.make("CartPole-v1"), lambda env: Left(), episodes=3, seed=0)
     past = derive(demos, DECLARED).with_history(1)

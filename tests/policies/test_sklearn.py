@@ -215,6 +215,24 @@ def test_what_is_no_classifier_is_refused():
         TreePolicy.from_sklearn(one, EVASION)
 
 
+def test_a_schema_in_another_order_than_the_classifier_s_is_refused():
+    """Features were taken by place, whatever the columns that the classifier had been shown."""
+    pandas = pytest.importorskip("pandas")
+    rows = np.random.default_rng(1).normal(size=(50, 3))
+    frame = pandas.DataFrame(rows, columns=["level [m]", "flow", "x y"])
+    classifier = DecisionTreeClassifier().fit(frame, np.where(rows[:, 0] > 0, "go", "wait"))
+    level, flow, other = Feature("level", "m"), Feature("flow"), Feature("x y")
+    for wrong in ((flow, level, other), (Feature("level [m]"), other, Feature("y"))):
+        with pytest.raises(
+            InvalidArgumentError, match=r"in the order of .* \['level \[m\]', 'flow'"
+        ):
+            TreePolicy.from_sklearn(classifier, Schema(wrong, NAMED.actions))
+    for right in ((level, flow, other), (Feature("level [m]"), flow, other), NAMED.features):
+        policy = TreePolicy.from_sklearn(classifier, Schema(right, NAMED.actions))
+        wanted = classifier.predict(frame)
+        assert [NAMED.actions[action] for action in policy.predict(rows)[0]] == wanted.tolist()
+
+
 def test_columns_in_another_order_are_refused(policy, rows):
     pandas = pytest.importorskip("pandas")
     frame = pandas.DataFrame(rows, columns=list("abc"))

@@ -33,13 +33,20 @@ def in_zoo(path: Path | str) -> bool:
 def load_policy(path: Path, *, hand_edited: bool = False) -> "TreePolicy":
     """Return the policy in a file, or the one that a run folder ended with, with ``--names``.
 
-    With ``hand_edited`` the file may have been changed after it was written.
+    With ``hand_edited`` the file may have been changed after it was written. A tree of one
+    observation without derived features knows those that are declared, and asks for none.
     """
     from eutree.interaction.names import given_names
     from eutree.policies import TreePolicy
 
     policy, names = TreePolicy.load(policy_file(path), hand_edited=hand_edited), given_names()
-    return policy if names is None else renamed(policy, names)
+    if names is None:
+        return policy
+    policy = renamed(policy, names)
+    if policy.schema.derived or not policy.features.is_identity:
+        return policy
+    schema = policy.schema.derive(names.derived)
+    return replace(policy, schema=schema, tree=replace(policy.tree, n_features=schema.n_features))
 
 
 def load_demonstrations(path: Path, policy: "TreePolicy | None" = None) -> "Demonstrations":
@@ -106,13 +113,9 @@ def seen_in_run(run: Path, policy: "TreePolicy") -> "Floats":
 
 
 def renamed(policy: "TreePolicy", names: "Names") -> "TreePolicy":
-    """Return a policy with these names; those of the past follow."""
+    """Return a policy with these names; those of the past follow. Nothing is derived."""
     from eutree.schema import Schema
 
-    if names.derived:
-        raise InvalidArgumentError(
-            f"--rename must name features and actions alone, got derived {list(names.derived)}"
-        )
     known, size = policy.schema, policy.observation_size
     schema = names.of(Schema(known.features[:size], known.actions, known.controls))
     return replace(policy, schema=schema.with_history(policy.history, policy.past_actions))

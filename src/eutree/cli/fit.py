@@ -20,6 +20,7 @@ from eutree.evaluation import Evaluation
 from eutree.files import check_new_folder, check_writable
 from eutree.fitting import FitReport
 from eutree.interaction.acting import Controller
+from eutree.policies import TreePolicy
 from eutree.schema import EnvironmentSpec
 
 if TYPE_CHECKING:
@@ -255,7 +256,8 @@ def distill(
 
     spec = EnvironmentSpec(environment, env_arguments)
     teacher = _teacher(spec, expert, policy)
-    shown = None if demos is None else load_demonstrations(demos)
+    known = teacher if isinstance(teacher, TreePolicy) else None
+    shown = None if demos is None else load_demonstrations(demos, known)
     check_writable(out)
     if settings["method"] == "cloning":
         option.refuse({"iterations"}, "cloning fits one tree")

@@ -218,7 +218,12 @@ def edit(
         unlock=unlock,
     )
     if rename is not None:
-        named = renamed(edited.policy, Names.load(rename))
+        names = Names.load(rename)
+        if names.derived:
+            raise InvalidArgumentError(
+                f"--rename must name features and actions alone, got derived {list(names.derived)}"
+            )
+        named = renamed(edited.policy, names)
         features = map(labelled, named.schema.features[: named.observation_size])
         words = f"named: {', '.join(features)}; {', '.join(named.schema.actions)}"
         edited = replace(edited, policy=named, changes=(*edited.changes, words))

@@ -14,6 +14,7 @@ import gymnasium
 import numpy as np
 
 from eutree.arrays import Floats
+from eutree.errors import InvalidArgumentError
 from eutree.features import Derivation
 from eutree.interaction.action_grid import name_of, with_grid_of
 from eutree.interaction.spaces import describe, encoder
@@ -87,19 +88,24 @@ def acting_as(env: gymnasium.Env[Any, Any], known: object) -> gymnasium.Env[Any,
     schema names both; or anything.
 
     Raises:
-        InvalidArgumentError: The environment has a grid of other levels.
-        UnknownNameError: A formula names no feature of the environment.
+        InvalidArgumentError: The environment has a grid of other levels, or other formulas.
     """
     schema = getattr(known, "schema", None)
     if not isinstance(schema, Schema):
         return env
     env = with_grid_of(env, schema)
     observed = describe(env)
-    known, n_measured = len(observed.derived), schema.measured.n_features
-    if len(schema.derived) <= known or observed.measured.n_features != n_measured:
-        return env  # a comparison of the names reports an error, if any
-    names = replace(schema, features=schema.features[: n_measured + known])
-    return DerivedObservation(env, schema.derived[known:], names=names)
+    first = schema.measured.n_features + len(observed.derived)
+    names = replace(schema, features=schema.features[:first])
+    if observed.with_names_of(names).feature_names != names.feature_names:
+        return env  # a comparison of the names reports the error
+    if Derivation.of(observed).formulas != Derivation.of(names).formulas:
+        mine, theirs = ([one.formula for one in of.derived] for of in (observed, names))
+        raise InvalidArgumentError(
+            f"derived features must be computed as those of the environment, {mine}, got {theirs}"
+        )
+    more = schema.derived[len(observed.derived) :]
+    return DerivedObservation(env, more, names=names) if more else env
 
 
 def acting_for(env: gymnasium.Env[Any, Any], policy: object, what: str) -> gymnasium.Env[Any, Any]:

@@ -44,6 +44,14 @@ def parts_of(classifier: Any, schema: Schema | None) -> PolicyParts:
             f"schema must name the classifier's {grown.n_features} features, "
             f"got {schema.n_features}"
         )
+    names = schema.feature_names
+    labels = [str(label) for label in getattr(classifier, "feature_names_in_", ())]
+    given = [one if one in names else Feature.from_label(one).name for one in labels]
+    if any(one != name and one in names for one, name in zip(given, names, strict=False)):
+        raise InvalidArgumentError(
+            f"schema must have its features in the order of the classifier's, {labels}, got "
+            f"{list(names)}"
+        )
     tree, leaves = exact_tree(classifier)
     shares = grown.value[leaves, 0, :]  # [L, n_classes]
     numbers = _numbers(classifier.classes_, schema)
