@@ -30,6 +30,13 @@ def test_a_margin_is_kept_and_its_steps_are_counted(eutree, expert, demonstratio
     assert f"{answer.json['environment_steps']} environment steps in all" in words
 
 
+def test_the_confidence_is_that_of_the_change_that_is_reported(eutree, expert):
+    """A search by playing did not hear it, nor refuse what is none."""
+    line = ["compress", expert, "--out", "small.json", "--episodes", "20", "--json"]
+    wide, narrow = (eutree(*line, "--confidence", c).json["return_change"] for c in (0.95, 0.6))
+    assert narrow[1] - narrow[0] < wide[1] - wide[0]
+
+
 def test_rounded_thresholds_are_played_where_they_can_be(eutree, expert, demonstrations):
     line = ["--demos", demonstrations, "--out", "small.json", "--round", "--episodes", "20"]
     line += ["--mode", "lossless"]
