@@ -84,7 +84,7 @@ _FIGURES = """
               help="Lowest and highest return of an episode, where the environment does not say "
               "so itself.")  # fmt: skip
 @click.option("--confidence", type=float, default=0.95, show_default=True,
-              help="Of the decision about the margin, and of each bound of the change.")  # fmt: skip
+              help="Of the decision about the margin and of each end of the change.")  # fmt: skip
 @option.count("--episodes", 1000, "Episodes of each evaluation.", least=2)
 @click.option("--evaluate", "evaluates", is_flag=True,
               help="Evaluate before and after in the policy's environment.")  # fmt: skip
@@ -121,7 +121,10 @@ def compress(
 ) -> Result:
     """Make the tree of SOURCE, a run folder or a policy file, smaller; report the changes."""
     from eutree.compression import ImaginedEpisodes, RealEpisodes, compress_monotone
+    from eutree.compression.compressing import ASKED
+    from eutree.compression.episodes import ROUNDED_EPISODES
     from eutree.compression.front import few_steps
+    from eutree.compression.imagined import N_ASKED
     from eutree.training.many import folder_of_winner
 
     rounding = _rounding(round_thresholds)
@@ -151,7 +154,10 @@ def compress(
         raise InvalidArgumentError(f"--front needs an environment to play in{unplayed}")
     observations = _observations(source, demos, policy, needed=not plays or real is None)
     check_writable(out)
-    playing = said_what_is_played(2 * episodes)
+    pairs = episodes * (evaluates + (rival is not None))
+    pairs += min(episodes, ROUNDED_EPISODES) * (spec is not None and rounding is not False)
+    asked = ASKED * N_ASKED * (spec is not None and imagined)  # to see whether imagination is true
+    playing = said_what_is_played(2 * pairs + asked)
     if plays or return_margin is not None:  # it searches
         playing = said_what_is_played(few_steps(episodes), steps=True, less=_LESS)
     with cluster(backend, address), playing:
