@@ -22,7 +22,7 @@ from eutree.contests import best
 from eutree.data import Demonstrations, Episode
 from eutree.data.demonstrations import check_shown, lesson_masks, lessons, taught_in, weights_in
 from eutree.data.episode import CUT, allowed_in
-from eutree.errors import InvalidArgumentError, needed
+from eutree.errors import needed
 from eutree.evaluation import Evaluation, Interval, evaluate
 from eutree.interaction import GuardedEnv, episode_seed, run_episode
 from eutree.interaction.acting import Actor, Controller, as_policy, trained_steps
@@ -36,7 +36,14 @@ from eutree.policies.sklearn_tree import exact_tree
 from eutree.recording import record
 from eutree.schema import EnvironmentSpec, Schema
 from eutree.trees import DecisionTree
-from eutree.validation import check_amounts, check_choice, check_integer, check_kind, check_seed
+from eutree.validation import (
+    check_amounts,
+    check_choice,
+    check_integer,
+    check_kind,
+    check_returned,
+    check_seed,
+)
 
 __all__ = ["DistillationReport", "DistillationSettings", "Round"]
 
@@ -107,13 +114,8 @@ def stakes_of(teacher: Any, action_values: ActionValues | None, n_actions: int) 
         return lambda observations: Costs.of(tree, observations, "q-gap").of_action.max(axis=1)
 
     def gap(observations: Floats) -> Floats:
-        table = np.asarray(values(observations), dtype=np.float64)
         shape = len(observations), n_actions
-        if table.shape != shape or not np.isfinite(table).all():
-            raise InvalidArgumentError(
-                f"action_values must return finite numbers of shape {shape}, got shape "
-                f"{table.shape}"
-            )
+        table = check_returned("action_values", values(observations), shape)
         return np.asarray(table.max(axis=1) - table.min(axis=1))
 
     return gap

@@ -2,6 +2,10 @@
 
 from dataclasses import replace
 
+import pytest
+
+from eutree.cli._output import said_what_is_played
+from eutree.compression.imagined import Pruned
 from eutree.policies import TreePolicy
 from eutree.schema import EnvironmentSpec
 from tests.little_search import little_search
@@ -28,6 +32,13 @@ def test_a_margin_is_kept_and_its_steps_are_counted(eutree, expert, demonstratio
     assert answer.json["environment_steps"] > 120
     words = eutree(*line, "--return-margin", "30", "--episodes", "60", "--round").out
     assert f"{answer.json['environment_steps']} environment steps in all" in words
+
+
+def test_the_confidence_is_that_of_the_change_that_is_reported(eutree, expert):
+    """A search by playing did not hear it, nor refuse what is none."""
+    line = ["compress", expert, "--out", "small.json", "--episodes", "20", "--json"]
+    wide, narrow = (eutree(*line, "--confidence", c).json["return_change"] for c in (0.95, 0.6))
+    assert narrow[1] - narrow[0] < wide[1] - wide[0]
 
 
 def test_rounded_thresholds_are_played_where_they_can_be(eutree, expert, demonstrations):
@@ -88,6 +99,36 @@ def test_where_nothing_can_be_played_the_model_of_the_run_chooses(eutree, demons
         found = eutree("compress", "run", "--out", "small.json", "--max-leaves", "4", "--json").json
     assert (found["by"], found["environment_steps"]) == ("model", 0)
     assert found["n_leaves_after"] <= 4
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        ("--imagined", "--max-leaves", 2),
+        ("--imagined", "--max-leaves", 2, "--evaluate", "--against", "fall"),
+        ("--mode", "lossless", "--round"),
+    ],
+)
+def test_as_many_episodes_are_played_as_are_announced(eutree, options, monkeypatch):
+    """It said "episodes played: 91 of 20"."""
+    announced, played = [], []
+
+    def heard(total, **more):
+        announced.append(total)
+        return said_what_is_played(total, **more)
+
+    monkeypatch.setattr("eutree.cli.compress.said_what_is_played", heard)
+    monkeypatch.setattr("eutree.cli._output._Counting.emit", lambda self, one: played.append(one))
+    monkeypatch.setattr("eutree.compression.compressing.ASKED", 3)
+    monkeypatch.setattr("eutree.compression.episodes.ROUNDED_EPISODES", 5)
+    monkeypatch.setattr(Pruned, "check_order", lambda *_: None)
+    line = ("record", "CartPole-v1", "--expert", "balance", "--episodes", 2, "--out", "demos")
+    assert eutree(*line).code == 0
+    assert eutree("fit", "demos", "--out", "large.json", "--no-pruning", "--episodes", 0).code == 0
+    line = ("compress", "large.json", "--demos", "demos", "--out", "small.json", "--n-jobs", 1)
+    answer = eutree(*line, "--episodes", 20, *options)
+    assert answer.code == 0, answer.err
+    assert announced == [len(played)]
 
 
 def test_demonstrations_that_are_named_are_asked_in_place_of_those_of_the_run(

@@ -22,6 +22,15 @@ def test_a_policy_file_teaches(eutree, expert):
     assert answer.json["agreement"] > 0.9
 
 
+def test_viper_without_action_values_says_that_nothing_is_weighed(eutree):
+    """It was DAgger, and said nothing."""
+    line = ["distill", "eutree/Evasion2-v0", "--expert", "gate", "--iterations", "1"]
+    line += ["--episodes", "2", "--validation-episodes", "2", "--out", "tree.json", "--method"]
+    assert "no action values to weigh by" in eutree(*line, "viper").out
+    assert "no action values" not in eutree(*line, "dagger").out
+    assert eutree(*line, "viper", "--json").json["weighted"] is False
+
+
 def test_there_is_one_teacher(eutree, expert):
     line = ["distill", "eutree/Evasion2-v0", "--out", "tree.json"]
     for teachers in ((), ("--expert", "gate", "--policy", expert)):

@@ -22,6 +22,7 @@ from eutree.errors import InvalidArgumentError, MissingExtraError, UnknownNameEr
 from eutree.interaction import GuardedEnv
 from eutree.policies import LeafStatistics
 from eutree.schema import Feature, Schema
+from eutree.training.teaching import AskedTeacher
 from tests.naive_distillation import naive_dagger
 
 RIGHT, JUMP, CLIMB = 1, 0, 2
@@ -162,9 +163,16 @@ def test_stakes_are_what_the_worst_action_costs():
     assert stakes_of(teacher, None, 3)(rows).tolist() == [4.0, 4.0, 4.0]
     assert weights(np.array([1.0, 3.0])).tolist() == [0.5, 1.5]
     assert weights(np.zeros(3)).tolist() == [1.0, 1.0, 1.0]
-    for wrong in (lambda o: np.zeros((len(o), 2)), lambda o: np.full((len(o), 3), np.nan)):
-        with pytest.raises(InvalidArgumentError, match=r"action_values .* shape \(3, 3\)"):
+    for wrong, got in (
+        (lambda o: np.zeros((len(o), 2)), r"shape \(3, 2\)"),
+        (lambda o: np.full((len(o), 3), np.nan), "one that is not finite"),
+    ):
+        words = rf"action_values .* shape \(3, 3\), got {got}"
+        with pytest.raises(InvalidArgumentError, match=words):
             stakes_of(teacher, wrong, 3)(rows)
+        own = AskedTeacher(eutree.Teacher(teacher, 0, wrong), GuardedEnv(Cellar()))
+        with pytest.raises(InvalidArgumentError, match=words):
+            own.action_values(rows)
 
 
 def test_a_tree_teacher_has_the_stakes_of_its_leaves():

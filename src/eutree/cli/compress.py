@@ -1,6 +1,5 @@
 """``eutree compress``: fewer leaves, the same decisions."""
 
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -30,7 +29,7 @@ from eutree.policies import TreePolicy
 from eutree.schema import EnvironmentSpec
 
 if TYPE_CHECKING:
-    from eutree.compression import CompressionReport, RealEpisodes
+    from eutree.compression import CompressionReport
     from eutree.compression.episodes import RoundingPlayed
     from eutree.compression.smaller_trees import Rounding
     from eutree.world_model import Transitions
@@ -85,7 +84,7 @@ _FIGURES = """
               help="Lowest and highest return of an episode, where the environment does not say "
               "so itself.")  # fmt: skip
 @click.option("--confidence", type=float, default=0.95, show_default=True,
-              help="Of the decision about the margin.")  # fmt: skip
+              help="Of the decision about the margin and of each end of the change.")  # fmt: skip
 @option.count("--episodes", 1000, "Episodes of each evaluation.", least=2)
 @click.option("--evaluate", "evaluates", is_flag=True,
               help="Evaluate before and after in the policy's environment.")  # fmt: skip
@@ -122,7 +121,10 @@ def compress(
 ) -> Result:
     """Make the tree of SOURCE, a run folder or a policy file, smaller; report the changes."""
     from eutree.compression import ImaginedEpisodes, RealEpisodes, compress_monotone
+    from eutree.compression.compressing import ASKED
+    from eutree.compression.episodes import ROUNDED_EPISODES
     from eutree.compression.front import few_steps
+    from eutree.compression.imagined import N_ASKED
     from eutree.training.many import folder_of_winner
 
     rounding = _rounding(round_thresholds)
@@ -130,17 +132,20 @@ def compress(
         source = folder_of_winner(source)
     policy = TreePolicy.load(source / "policy.json" if source.is_dir() else policy_file(source))
     plays = options["mode"] == "auto" and options["max_disagreement"] is None and not imagined
-    real, unplayed, rival = None, "", None
+    spec, unplayed, rival = None, "", None
     if against is not None:
         rival = controller(against, "--against", _where(source, policy, env_arguments))
-    if return_margin is not None or evaluates or env_arguments:
+    evaluates = evaluates or return_margin is not None or bool(env_arguments)
+    if evaluates:
         spec = _where(source, policy, env_arguments)
-        real = RealEpisodes(
-            spec, return_margin, confidence, episodes, return_range, n_jobs, searches=plays
-        )
     elif plays or imagined or rounding is not False:
-        real, unplayed = _where_trees_play(policy, episodes, n_jobs, return_range)
-        real = None if real is None else replace(real, searches=plays, evaluates=plays)
+        spec, unplayed = _where_trees_play(policy)
+    evaluates |= plays and spec is not None
+    if not evaluates:
+        option.refuse({"confidence", "return_range"}, f"no returns are compared{unplayed}")
+    real = spec and RealEpisodes(
+        spec, return_margin, confidence, episodes, return_range, n_jobs, evaluates, searches=plays
+    )
     # Where nothing can be played, the world model of the run's own transitions chooses.
     imagined |= bool(plays and unplayed and options["max_leaves"] is not None and source.is_dir())
     if front is not None and not plays and return_margin is None:
@@ -149,7 +154,10 @@ def compress(
         raise InvalidArgumentError(f"--front needs an environment to play in{unplayed}")
     observations = _observations(source, demos, policy, needed=not plays or real is None)
     check_writable(out)
-    playing = said_what_is_played(2 * episodes)
+    pairs = episodes * (evaluates + (rival is not None))
+    pairs += min(episodes, ROUNDED_EPISODES) * (spec is not None and rounding is not False)
+    asked = ASKED * N_ASKED * (spec is not None and imagined)  # to see whether imagination is true
+    playing = said_what_is_played(2 * pairs + asked)
     if plays or return_margin is not None:  # it searches
         playing = said_what_is_played(few_steps(episodes), steps=True, less=_LESS)
     with cluster(backend, address), playing:
@@ -281,12 +289,8 @@ def _in_words(report: "CompressionReport", n_rows: int) -> str:
     return words
 
 
-def _where_trees_play(
-    policy: TreePolicy, episodes: int, n_jobs: int | None, return_range: tuple[float, float] | None
-) -> "tuple[RealEpisodes | None, str]":
+def _where_trees_play(policy: TreePolicy) -> tuple[EnvironmentSpec | None, str]:
     """Return where trees are played; or None, and why they are not."""
-    from eutree.compression import RealEpisodes
-
     spec = policy.environment
     if spec is None:
         return None, "; nothing was played: the policy names no environment"
@@ -294,7 +298,7 @@ def _where_trees_play(
         make(spec).close()
     except EutreeError as error:
         return None, f"; nothing was played: {error}"
-    return RealEpisodes(spec, episodes=episodes, return_range=return_range, n_jobs=n_jobs), ""
+    return spec, ""
 
 
 def _played(rounding: "RoundingPlayed") -> str:

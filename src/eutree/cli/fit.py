@@ -279,7 +279,7 @@ def distill(
     tree.save(out)
     return Result(
         {
-            **figures_of(report, "n_leaves mean_return return_interval labels best"),
+            **figures_of(report, "n_leaves mean_return return_interval labels best weighted"),
             "agreement": report.rounds[report.best].agreement,
             "environment_steps": report.environment_steps,
             "rounds": [vars(made) for made in report.rounds],
@@ -300,11 +300,11 @@ def _teacher(spec: EnvironmentSpec, expert: str | None, policy: Path | None) -> 
 
 
 def _distilled_in_words(report: "DistillationReport") -> str:
-    chosen = report.rounds[report.best]
+    chosen, plain = report.rounds[report.best], report.method == "viper" and not report.weighted
     return (
         f"{counted(chosen.n_leaves, 'leaf')}, tree {report.best + 1} of "
         f"{len(report.rounds)}; the teacher's action on "
         f"{chosen.agreement:.2%} of {chosen.n_transitions} observations; mean return "
         f"{report.return_interval.around(chosen.mean_return, 2)}; {report.environment_steps} "
-        "environment steps in all"
+        f"environment steps in all{'; the teacher has no action values to weigh by' * plain}"
     )

@@ -160,6 +160,7 @@ def learn(
 
     Without ENVIRONMENT it is that of the demonstrations, or else of settings of the zoo.
     """
+    from eutree.learners import method as method_of
     from eutree.proof import load_certificate
     from eutree.training import learn as learn_policy
     from eutree.training.listeners import stop_on_signals
@@ -182,6 +183,9 @@ def learn(
         raise InvalidArgumentError("--against needs an environment to act in; leave out --offline")
     if offline:
         option.refuse(_PLAYED, "nothing is played with --offline")
+        if not hasattr(method_of(chosen) if isinstance(chosen, str) else chosen, "max_leaves"):
+            cut = "eutree compress RUN --max-leaves N cuts the result of --offline"
+            option.refuse({"max_leaves"}, cut)
     spec = None if offline else _spec(environment, demonstrations, env_arguments, of_run)
     rival = None if spec is None or against is None else controller(against, "--against", spec)
     if demonstrations is None and expert is None and spec is not None:

@@ -109,6 +109,7 @@ def _in_preorder(tree: DecisionTree) -> bool:
 Experience = History | Demonstrations | Transitions
 
 TRIES = 6  # prunings with imagined episodes of their own
+N_ASKED = TRIES + 2  # trees that the model is asked about: the input and its pruning by labels too
 TIMES = 3  # leaves to prune from, in those allowed; a larger tree is cut by labels first
 N_STARTS = 50  # first observations of imagined episodes
 SELECTION_STARTS = 2 * N_STARTS  # of those that choose among prunings, and chose no cut
@@ -139,9 +140,9 @@ class Pruned:
             )
         if not found.better_than_chance:
             raise InvalidArgumentError(
-                f"imagined must be None: the world model's order of {found.n} trees has rank "
-                f"correlation {found.value:.2f} [{found.low:.2f}, {found.high:.2f}] with the "
-                "returns that they earned, no better than chance; let the trees play instead"
+                f"imagined (--imagined) must be None: the world model's order of {found.n} trees "
+                f"has rank correlation {found.value:.2f} [{found.low:.2f}, {found.high:.2f}] with "
+                "the returns that they earned, no better than chance; let the trees play instead"
             )
 
 

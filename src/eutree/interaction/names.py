@@ -126,7 +126,7 @@ class Names(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
 
 
 def declarations(path: str | Path) -> list[str]:
-    """Return the derived features that a text file declares: one a line, ``#`` for a remark.
+    """Return the derived features that a text file declares: but lines of ``#`` are remarks.
 
     Raises:
         FormatError: It is no text.

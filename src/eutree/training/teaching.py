@@ -13,7 +13,7 @@ from eutree.features import GreedyPolicy
 from eutree.interaction import GuardedEnv
 from eutree.interaction.acting import Actor, Controller, as_policy, trained_steps
 from eutree.policies import TreePolicy
-from eutree.validation import check_amounts
+from eutree.validation import check_amounts, check_returned
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,13 +77,7 @@ class AskedTeacher(GreedyPolicy):
             table = np.zeros(shape)
             table[np.arange(shape[0]), [self._decision(row) for row in observations]] = 1.0
             return table
-        table = np.asarray(self._values(observations), dtype=np.float64)
-        if table.shape != shape or not np.isfinite(table).all():
-            raise InvalidArgumentError(
-                f"teacher: action_values must return finite numbers of shape {shape}, "
-                f"got shape {table.shape}"
-            )
-        return table
+        return check_returned("teacher: action_values", self._values(observations), shape)
 
     def _decision(self, observation: Floats) -> int:
         """Return its action at one observation [d]."""
