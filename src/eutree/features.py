@@ -8,6 +8,7 @@ repeat the first one, and no action was taken: all its entries are 0.
 
 This is the one place in which the past is stacked: for the environment at the border, for recorded
 episodes, and for policies, which keep a ``FeatureMap`` so that an export can name its inputs.
+Policies that decide by the present features alone have their base class here.
 """
 
 from abc import ABC, abstractmethod
