@@ -8,7 +8,7 @@ import pytest
 from gymnasium.envs.registration import EnvSpec
 
 from eutree.errors import InvalidArgumentError
-from eutree.proof import Effort, Plant, check_plant, prove, replay, where
+from eutree.proof import Effort, Intervals, Plant, check_plant, prove, replay, where
 from eutree.schema import EnvironmentSpec
 from tests.proof.policies import policy_of
 
@@ -142,6 +142,18 @@ def test_the_first_thing_that_is_seen_is_observed(line):
     policy = line(seen_as=staticmethod(lambda place: -place))
     path = replay(Mirror(), policy, np.array([0.5]), 1)
     assert path.states.tolist() == [[0.5], [0.25]]
+
+
+def test_a_number_that_never_changes_is_observed_as_one(line):
+    class Twice(LinePlant):
+        def observe(self, state: Any) -> Any:
+            return [-state[0], Intervals.of(0.5)]
+
+    box = gymnasium.spaces.Box(-100.0, 100.0, (2,), np.float64)
+    shown = staticmethod(lambda place: np.append(-place, 0.5))
+    policy = line(seen_as=shown, observation_space=box)
+    assert replay(Twice(), policy, np.array([0.5]), 1).states.tolist() == [[0.5], [0.25]]
+    assert prove(policy, Twice(), "stays in place <= 1 for 2 steps", effort=FEW).verdict == "proven"
 
 
 def test_a_plant_that_knows_what_is_seen_only_but_for_rounding_says_so(line):

@@ -112,14 +112,16 @@ class Plant:
         self.state_of(env)  # which refuses what has no such attribute
         env.unwrapped.state = point.copy()  # type: ignore[attr-defined]  # as Gymnasium's tasks
         seen = list(map(Intervals.of, self.observe([Intervals.of(x[None]) for x in point])))
-        low, high = (np.ravel([getattr(one, end) for one in seen]) for end in ("low", "high"))
-        certain = low.astype(self.precision) == high.astype(self.precision)
-        if type(self).put is Plant.put and not certain.all():
+        low, high = (
+            np.concatenate([np.ravel(getattr(one, end)) for one in seen]).astype(self.precision)
+            for end in ("low", "high")
+        )
+        if type(self).put is Plant.put and (low != high).any():
             raise InvalidArgumentError(
                 f"{type(self).__name__} must have a method put of its own, which returns the "
                 f"observation: observe says of {point.tolist()} only that it is in {seen}"
             )
-        return low.astype(self.precision)
+        return low
 
     def state_of(self, env: gymnasium.Env[Any, Any]) -> Floats:
         """Return the state [d] in which the real environment is."""
