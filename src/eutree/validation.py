@@ -134,6 +134,11 @@ def check_numbers(name: str, value: ArrayLike, *, ndim: int) -> Floats:
     return array
 
 
+def elsewhere(names: Sequence[str], known: Sequence[str]) -> bool:
+    """Return whether a name stands at another place than it has among those that are known."""
+    return any(one != own and one in known for one, own in zip(names, known, strict=False))
+
+
 def in_order(name: str, value: Any, names: Sequence[str]) -> Any:
     """Return a frame, or a row of one, in the order of ``names``; what names no column as it is."""
     labels: Any = getattr(value, "columns", None)

@@ -99,6 +99,14 @@ def test_a_kind_that_a_value_contradicts_is_refused(folder, capsys, kind, what):
     assert run(["demos", "rename", "demos", path]) == 0
 
 
+def test_a_folder_without_episodes_is_named_too(folder):
+    assert run(["demos", "import", "log.csv", "--out", "demos"]) == 0
+    for episode in (folder / "demos").glob("episode-*"):
+        episode.unlink()
+    path = names_file(folder / "names.json", {"features": ["height", "free"]})
+    assert run(["demos", "rename", "demos", path]) == 0
+
+
 def test_a_log_in_another_order_is_not_asked_about_a_policy(folder, capsys):
     """A policy was cut to one leaf, which decided the same, it said, in all that was recorded."""
     log_of(folder / "other.csv", ("ready", "level"))

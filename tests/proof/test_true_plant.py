@@ -180,6 +180,15 @@ def test_observations_are_of_the_precision_that_the_plant_says(line, kind):
         assert prove(policy, plant, "stays in place <= 9 for 5 steps").proven
 
 
+def test_observations_within_observations_are_of_no_precision(line):
+    inner = gymnasium.spaces.Box(-100.0, 100.0, (1,), np.float32)
+    nested = gymnasium.spaces.Dict({"of": gymnasium.spaces.Dict({"place": inner})})
+    shown = staticmethod(lambda place: {"of": {"place": place.astype(np.float32)}})
+    policy = line(seen_as=shown, observation_space=nested)
+    with pytest.raises(InvalidArgumentError, match="where they are object"):
+        prove(policy, LinePlant(), "stays in place <= 9 for 5 steps")
+
+
 class Goal(LinePlant):
     """It arrives at 3; between 1.5 and 1.7 the real one crashes."""
 

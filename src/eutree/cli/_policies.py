@@ -12,6 +12,7 @@ import click
 from eutree.cli._options import look_in_this_folder
 from eutree.errors import InvalidArgumentError, UnknownNameError, described
 from eutree.schema import EnvironmentSpec
+from eutree.validation import elsewhere
 
 if TYPE_CHECKING:
     from eutree.arrays import Floats
@@ -79,11 +80,8 @@ def _check_task(path: Path, recorded: "Demonstrations", policy: "TreePolicy") ->
         )
     if not here or here != there:
         # Other names may be those of a log; the policy's own at other places are another order.
-        for own, given in (
-            (names[1], names[0]),
-            (policy.schema.actions, recorded.schema.actions),
-        ):
-            if any(name in own and own[k] != name for k, name in enumerate(given)):
+        for given, own in (names, (recorded.schema.actions, policy.schema.actions)):
+            if elsewhere(given, own):
                 raise InvalidArgumentError(
                     f"{path} must have the names of the policy in their order, {', '.join(own)}, "
                     f"got {', '.join(given)}"

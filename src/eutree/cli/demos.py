@@ -350,7 +350,7 @@ def _listed(schema: Schema) -> str:
 
 def _check_kinds(schema: Schema, episodes: Iterable[Episode]) -> None:
     """Raise InvalidArgumentError where a value is not of the kind of its feature."""
-    values = np.concatenate([episode.observations for episode in episodes])
+    values = np.vstack([np.empty((0, schema.n_features)), *(one.observations for one in episodes)])
     for feature, column in zip(schema.measured.features, values.T, strict=False):
         fits = (column == np.floor(column)) & (feature.low <= column) & (column <= feature.high)
         if feature.is_integer and not fits.all():

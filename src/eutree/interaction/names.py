@@ -126,7 +126,7 @@ class Names(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
 
 
 def declarations(path: str | Path) -> list[str]:
-    """Return the derived features that a text file declares: but lines of ``#`` are remarks.
+    """Return the derived features that a text file declares: one a line; one of ``#`` is a remark.
 
     Raises:
         FormatError: It is no text.

@@ -16,6 +16,7 @@ from eutree.policies.document import PolicyParts
 from eutree.policies.leaf_statistics import LeafStatistics
 from eutree.schema import Feature, Schema
 from eutree.trees import DecisionTree
+from eutree.validation import elsewhere
 
 _LEAF = -1  # scikit-learn's children of a leaf
 
@@ -47,7 +48,7 @@ def parts_of(classifier: Any, schema: Schema | None) -> PolicyParts:
     names = schema.feature_names
     labels = [str(label) for label in getattr(classifier, "feature_names_in_", ())]
     given = [one if one in names else Feature.from_label(one).name for one in labels]
-    if any(one != name and one in names for one, name in zip(given, names, strict=False)):
+    if elsewhere(given, names):
         raise InvalidArgumentError(
             f"schema must have its features in the order of the classifier's, {labels}, got "
             f"{list(names)}"

@@ -217,7 +217,7 @@ class Plant:
         seen, info = env.reset(seed=0)
         parts = seen.values() if isinstance(seen, dict) else seen
         kinds = [np.asarray(x).dtype for x in (parts if isinstance(seen, dict | tuple) else [seen])]
-        types = {one.name if one.kind == "f" else "float64" for one in kinds}
+        types = {"float64" if one.kind in "biu" else one.name for one in kinds}
         if (
             types != {getattr(self.precision, "__name__", str(self.precision))}
             or not types <= _SEEN
