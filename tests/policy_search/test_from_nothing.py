@@ -120,3 +120,49 @@ def test_demonstrations_that_came_by_nothing_show_nothing(earned):
     rewards = data.rewards.copy()
     rewards[-1] += 1.0  # somebody came by something
     assert not planned(plan, replace(data, rewards=rewards)).knows_nothing
+
+
+# Of explorers that are random trees alone none came out of the valley with these seeds.
+
+
+def reached(result):
+    """Return the episodes that earned more than the worst."""
+    returns = np.bincount(result.history.episodes, result.history.rewards)
+    return np.flatnonzero(returns > returns.min())
+
+
+@pytest.mark.parametrize("seed", [1401, 1408, 1411])
+def test_where_nothing_was_earned_explorers_go_where_nobody_was(seed):
+    found = eutree.learn(
+        "MountainCar-v0", start="nothing", steps=4_600, seed=seed, judge_episodes=0, front_steps=0
+    )
+    assert reached(found).size
+
+
+@pytest.mark.parametrize("seed", [1400, 1402])
+def test_so_they_do_where_the_demonstrations_never_earned(seed):
+    """Somebody who holds against the slope stays in the valley."""
+
+    def holds(observation):
+        return 2 * int(observation[0] > -0.5)
+
+    shown = eutree.record("MountainCar-v0", holds, episodes=4, seed=seed)
+    assert {episode.rewards.sum() for episode in shown} == {-200.0}
+    found = eutree.learn(
+        "MountainCar-v0", demonstrations=shown, steps=6_000, seed=seed, judge_episodes=0,
+        front_steps=0,
+    )  # fmt: skip
+    assert reached(found).size
+    assert eutree.evaluate(found.policy, "MountainCar-v0", episodes=50, seed=5).mean_return > -170
+
+
+def test_an_explorer_of_seldom_places_has_no_challenger_beside_it():
+    draws = np.random.default_rng(3)
+    data = walks(60, 7, pit=(20.0, 21.0), policy=lambda _: int(draws.random() < 0.1))
+    idle = replace(data, rewards=np.zeros(data.rewards.size), terminated=data.terminated & False)
+    plan = Planned(packed(STAY), challenger=packed(GO), challenger_episodes=(3,))
+    planner = Planner(n_episodes=200, n_explorer_episodes=200)
+    found = planner.plan(plan, idle, np.random.default_rng(0))
+    assert found.challenger is None
+    assert found.model_steps > 0
+    assert act(nested(found.explorer), np.array([0.0, 0.5])) == GO  # where most stayed

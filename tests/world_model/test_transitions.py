@@ -1,6 +1,10 @@
 """Transitions: further episodes, and what is known of the past."""
 
+from dataclasses import replace
+from itertools import combinations
+
 import numpy as np
+import pytest
 
 from eutree.data import Episode
 from eutree.world_model import Transitions
@@ -67,3 +71,36 @@ def test_where_one_early_episode_is_too_long_only_late_ones_are_kept():
     early, late = episode(*range(30), terminated=True), episode(1, 2, terminated=True)
     stored = transitions().until(0).followed_by([early, late])
     assert stored.spread(10).episode_lengths.tolist() == [1]
+
+
+@pytest.mark.parametrize(
+    ("rewards", "nothing"),
+    [([-1.0, -1.0, -2.0], True), ([0.0, 0.0, 0.0], True), ([1.0, 1.0, 2.0], False),
+     ([-1.0, -1.0, -1.0], False)],
+)  # fmt: skip
+def test_nothing_was_earned_where_all_episodes_earned_the_same_and_none_a_gain(rewards, nothing):
+    known = replace(transitions(), rewards=np.array(rewards))
+    assert known.earned_nothing == nothing
+    assert not known.until(0).earned_nothing
+
+
+@pytest.mark.parametrize("d", [1, 2, 4])
+def test_each_place_pays_one_in_all_for_each_pair_of_features(d):
+    generator = np.random.default_rng(d)
+    places = generator.normal(size=(300, d))
+    places[:, -1] = 3.0 if d > 2 else places[:, -1]  # one that never changes tells no places apart
+    numbers = np.zeros(300, dtype=np.int64)
+    known = Transitions(
+        places, numbers, np.zeros(300), places, numbers.astype(np.bool_), numbers, 2
+    )
+    low, span = places.min(axis=0), places.max(axis=0) - places.min(axis=0)
+    cells = [
+        tuple(
+            min(11, int(12 * (x - a) / b)) if b else 0 for x, a, b in zip(o, low, span, strict=True)
+        )
+        for o in places
+    ]
+    grids = [*combinations(range(d), 2)] or [(0,)]
+    seen = [[tuple(cell[i] for i in grid) for cell in cells] for grid in grids]
+    naive = [sum(1 / of_grid.count(of_grid[k]) for of_grid in seen) for k in range(300)]
+    np.testing.assert_allclose(known.paid_for_places().rewards, naive)

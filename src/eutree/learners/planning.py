@@ -147,6 +147,7 @@ class ModelPlanning:
         self._locked = frozenset(locked)  # leaves that stay as they are, without exploration
         self._steps = EpisodeBuffer()
         self._acting: ActionTree | None = None
+        self._differ = False  # whether two episodes earned unlike; asked as long as none did
         self._tried: set[tuple[bytes, int]] = set()  # by an explorer, in the present episode
         if start.episodes:
             self.add_demonstrations(start.episodes)
@@ -172,12 +173,14 @@ class ModelPlanning:
         self._steps.start(observation, generator)
         self._tried.clear()
         plan, method = self.plan, self.method
-        blind = not self._informed and (plan.explorer is None or plan.knows_nothing)
-        unguided = blind and plan.challenger is None
+        uninformed = not self._informed and (plan.explorer is None or plan.knows_nothing)
+        curious = self._is_curious()
+        unguided = (uninformed or curious) and plan.challenger is None
         self._explores = unguided or generator.random() < method.planner.explorer_share
         self._proves_itself = method.planner.incumbent_acts(plan)
         actor = plan.incumbent if self._proves_itself else plan.evaluated
         self._exploration = 0.0
+        blind = uninformed and not curious
         # One action everywhere says nothing of where others lead.
         lost = blind or (n_leaves(plan.incumbent) == 1 and generator.random() < _LOST)
         if self._explores and lost and (plan.explorer is None or not self._counts):
@@ -190,6 +193,17 @@ class ModelPlanning:
             schema = Schema.anonymous(self.tree.n_features, self.n_actions)
             self._acting = actor
             self._actor = TreePolicy(*to_decision_tree(actor, schema.n_features), schema)
+
+    def _is_curious(self) -> bool:
+        """Return whether the explorer goes where nobody was, for no episode came to anything."""
+        plan = self.plan
+        if plan.explorer is None or plan.demonstrations or self._counts:
+            return False
+        if self._differ and not plan.knows_nothing:
+            return False
+        known = transitions_of(self.history, self.n_actions)
+        self._differ = not known.earned_nothing
+        return not self._differ or (plan.knows_nothing and known.reached_nothing)
 
     def _random_tree(self, generator: np.random.Generator) -> ActionTree:
         """Return a tree of random actions, with thresholds at what was observed.
@@ -242,6 +256,7 @@ class ModelPlanning:
             self.plan = self.plan.with_episode(episode, incumbent=self._proves_itself)
         kept = self.history.forget()
         if kept is not None:
+            self._differ = False
             self.plan = self.plan.keeping(kept)
 
     def discard_episode(self) -> None:
