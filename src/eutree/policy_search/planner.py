@@ -178,15 +178,20 @@ class Planner:
         n_new = (len(data.episodes) if n_seen is None else n_seen) - plan.planned_at
         plan = self._without_invalid(plan, data, generator)
         known = data.since(plan.valid_from).recent(self.max_transitions)
-        if data.earned_nothing and not plan.demonstrations and not known.counted:
-            explorer, taken = self._curious(plan, known, generator)
-            plan = replace(plan, challenger=None, explorer=explorer, corrected=None)
-            return replace(plan, model_steps=taken)
+        unguided = not plan.demonstrations and not known.counted
+        if unguided and data.earned_nothing:
+            return self._curious(plan, known, generator)
         levels, most = (self.pessimism, self.optimism), (self.n_episodes, self.n_explorer_episodes)
         pessimistic, optimistic = self._rollouts(known, levels, most, generator)
         scale = known.typical_return
-        if plan.challenger is not None:
-            plan = self._tried(plan, plan.challenger, data, len(data.episodes) - n_new, pessimistic)
+        if (tried := plan.challenger) is not None:
+            begun = int(np.searchsorted(np.flatnonzero(data.first), len(data.episodes) - n_new))
+            plan = self._without_reckless(plan, begun, data.episode_returns)
+            won = self._won_alone(plan, data, begun)
+            if not won and self._deserves(plan, tried, data, pessimistic):
+                won = plan.challenger_episodes[-self.memory :]
+            plan = plan.with_adopted(won) if won else plan
+        explorer: ActionTree | None
         guide: ActionTree | None
         if known.counted:
             explorer, guide = self._by_counts(known, pessimistic)
@@ -196,31 +201,12 @@ class Planner:
             guide = explorer if self._explorers_lead(plan, data) else None
         challenger = self._challenger(replace(plan, explorer=guide), known, pessimistic)
         taken = pessimistic.n_steps_taken + optimistic.n_steps_taken
-        if plan.knows_nothing and data.reached_nothing and not known.counted:
-            explorer, more = self._curious(plan, known, generator)
-            taken += more
+        if unguided and plan.knows_nothing and data.reached_nothing:
+            curious = self._curious(plan, known, generator)
+            explorer, taken = curious.explorer, taken + curious.model_steps
         return replace(
             plan, challenger=challenger, explorer=explorer, corrected=None, model_steps=taken
         )
-
-    def _tried(
-        self,
-        plan: Planned,
-        challenger: ActionTree,
-        data: Transitions,
-        before: int,
-        pessimistic: PairedRollouts,
-    ) -> Planned:
-        """Return the plan with the challenger adopted, if what it earned is enough.
-
-        ``before`` are the transitions before it acted.
-        """
-        begun = int(np.searchsorted(np.flatnonzero(data.first), before))
-        plan = self._without_reckless(plan, begun, data.episode_returns)
-        won = self._won_alone(plan, data, begun)
-        if not won and self._deserves(plan, challenger, data, pessimistic):
-            won = plan.challenger_episodes[-self.memory :]
-        return plan.with_adopted(won) if won else plan
 
     def _without_invalid(
         self, plan: Planned, data: Transitions, generator: np.random.Generator
@@ -250,13 +236,14 @@ class Planner:
 
     def _curious(
         self, plan: Planned, known: Transitions, generator: np.random.Generator
-    ) -> tuple[ActionTree, int]:
-        """Return an explorer of what was seldom visited, and the steps that planning it took."""
+    ) -> Planned:
+        """Return the plan with an explorer of what was seldom visited, and no challenger."""
         paid, most = known.paid_for_places(), self.n_explorer_episodes
         (hopeful,) = self._rollouts(paid, (self.optimism,), (most,), generator)
         base = plan.explorer or plan.incumbent
         explorer = self.improvement.improve(hopeful, base, paid.typical_return, begin=True)
-        return explorer, hopeful.n_steps_taken
+        steps = hopeful.n_steps_taken
+        return replace(plan, challenger=None, explorer=explorer, corrected=None, model_steps=steps)
 
     def imagined(
         self, plan: Planned, data: Transitions, n_episodes: int, generator: np.random.Generator
