@@ -82,14 +82,17 @@ class PageTree:
                 page(TreeView(phase=FITTING, message=message, finished=played, of=most))
 
         page(TreeView(phase=FITTING, message="Fitting trees to what you showed"))
-        known = Demonstrations.load(self._folder)
         with closing(self._make()) as env:
-            fitted = fit(known, env, episodes=FITTED, seed=self._seed, on_progress=progress)
+            fitted = fit(self._known(), env, episodes=FITTED, seed=self._seed, on_progress=progress)
         tree, path = fitted.policy, self._beside("tree")
         tree.save(path)
         made = Way("your tree", "Keep mine", tree, self._play(tree, page), path)
         self._fitted, self._best, self._presses, self._ways = fitted, made, 0, [made]
         return made
+
+    def _known(self) -> Demonstrations:
+        """Return what a tree is made of: all that is stored."""
+        return Demonstrations.load(self._folder)
 
     def look(self, show: Show, stop: Callable[[], bool]) -> None:
         """Find by playing which seconds of the demonstrations cost the tree its success."""
