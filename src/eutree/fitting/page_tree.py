@@ -14,6 +14,7 @@ from eutree.display import counted
 from eutree.errors import EutreeError, InvalidArgumentError
 from eutree.evaluation import Evaluation, evaluate
 from eutree.export import to_svg
+from eutree.fitting.diagnosis import taking
 from eutree.fitting.page_views import Way, beside_each_other, hurt_views, said_of, smaller, value
 from eutree.fitting.report import FitReport, Person, result_in_words, verdict
 from eutree.interaction import GuardedEnv, episode_seed
@@ -284,8 +285,7 @@ class PageTree:
         may_gain = found.is_worse or played.successes is None or value(played) < ENOUGH
         parts = [note, "Practice may make it better." if may_gain else ""]
         if tree.n_leaves == 1:
-            only = tree.schema.actions[int(tree.actions[0])]
-            parts.append(f"It has a single leaf: it always answers {only}.")
+            parts.append(f"It has a single leaf: it {taking(tree, 0)}.")
         elif found.is_worse and self._fitted is not None and tree is self._fitted.policy:
             parts += self._fitted.warnings
         with closing(self._make()) as env:
