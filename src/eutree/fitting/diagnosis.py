@@ -196,7 +196,6 @@ def taking(policy: TreePolicy, leaf: int) -> str:
 def _cause(harm: Harm, policy: TreePolicy, n_shown: int) -> str:
     names, total = policy.schema.actions, sum(harm.shown)
     taken = int(policy.actions[harm.leaf])
-    action = printable(names[taken])
     if not total:
         return "Nothing was shown there: show such situations."
     if harm.shown[taken] < (1.0 - MIXED) * total:
@@ -207,9 +206,9 @@ def _cause(harm: Harm, policy: TreePolicy, n_shown: int) -> str:
     if total < FEW:
         return f"Only {total} of the {n_shown} steps shown were there: show such situations."
     return (
-        f"{action} was shown in {harm.shown[taken]} of {total} steps there, so what made the "
-        "difference is not in the numbers that the tree sees, for example where something heads, "
-        "or it lies earlier."
+        f"{printable(names[taken])} was shown in {harm.shown[taken]} of {total} steps there, so "
+        "what made the difference is not in the numbers that the tree sees, for example where "
+        "something heads, or it lies earlier."
     )
 
 

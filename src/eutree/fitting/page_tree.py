@@ -174,8 +174,7 @@ class PageTree:
             if value(played) > value(before.played):
                 path = self._beside("practised")
                 tree.save(path)
-                best = Way("practised", "Keep the practised one", tree, played, path)
-                self._best = best
+                self._best = best = Way("practised", "Keep the practised one", tree, played, path)
                 self._ways = self._beside_practised(best, page)
             else:
                 found = result_in_words(played)
