@@ -172,6 +172,39 @@ def test_the_line_that_is_printed_goes_on_whatever_the_path(eutree, interrupted,
         assert one.read_bytes() == other.read_bytes()
 
 
+@pytest.fixture
+def in_the_first_update(eutree, monkeypatch):
+    """Interrupt a command in its first update: nothing of the run is saved."""
+
+    def run(*line):
+        def interrupt(self, generator):
+            raise KeyboardInterrupt
+
+        with monkeypatch.context() as patch:
+            patch.setattr("eutree.learners.u_tree.learner.UTree.update", interrupt)
+            answer = eutree(*line)
+        assert answer.code == 130, answer.err
+        return answer.err.splitlines()[-1]
+
+    return run
+
+
+def test_what_is_stopped_before_anything_was_learned_begins_again(
+    eutree, strange, in_the_first_update, tmp_path
+):
+    """No line was named, though --resume knew the command; another one there was kept instead."""
+    strange(Healthy)
+    in_the_first_update(*LEARN, "--seed", 3, "--out", "run")
+    said = in_the_first_update(*LEARN, "--seed", 4, "--out", "run")
+    assert said == (
+        "stopped before anything was learned; begin again with: eutree learn --out run --resume"
+    )
+    assert eutree("learn", "--out", "run", "--resume").code == 0
+    assert eutree(*LEARN, "--seed", 4, "--out", "whole").code == 0
+    for name in ("policy.json", "config.json", "curve.csv"):
+        assert (tmp_path / "run" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+
+
 def test_what_a_run_was_given_is_found_from_another_folder(
     eutree, interrupted, tmp_path, monkeypatch
 ):

@@ -222,7 +222,7 @@ def test_without_successes_returns_are_compared(tmp_path) -> None:
         "this tree 1 on average (1 to 1) in 200 episodes: as good"
     )
     assert views[-1].verdict == "as good"
-    assert "single leaf: it always answers right" in views[-1].note
+    assert "single leaf: it always takes right" in views[-1].note
 
 
 def test_an_episode_ended_by_hand_is_no_result_of_the_person(folder) -> None:

@@ -1,5 +1,7 @@
 """Fitting to demonstrations in which actions were masked."""
 
+from dataclasses import replace
+
 import gymnasium
 import numpy as np
 import pytest
@@ -8,6 +10,7 @@ from gymnasium import spaces
 import eutree
 from eutree.data.episode import allowed_in
 from eutree.distillation import DistillationSettings, distill
+from eutree.fitting.diagnosis import Harm, about_size, in_words
 from eutree.fitting.playing import repairs
 
 ID = "Gates-v0"
@@ -74,6 +77,20 @@ def test_steps_at_which_the_mask_decided_are_no_fault_of_the_tree(demos, report)
     one = eutree.fit(eutree.record(ID, lambda seen: 1, episodes=5, seed=0), episodes=0)
     assert one.policy.n_leaves == 1
     assert not any("single leaf" in warning for warning in one.warnings)
+
+
+def test_a_single_leaf_is_said_to_take_its_action_where_it_is_allowed():
+    """It was said to take it always, though it takes another where that one is masked."""
+    chance = np.random.default_rng(0)
+    demos = eutree.record(ID, lambda seen: int(2 * (chance.random() < 0.8)), episodes=5, seed=0)
+    policy = replace(eutree.fit_expert_tree(demos), masked=True)
+    one = replace(policy, tree=eutree.DecisionTree.single_leaf(2), actions=[2], leaves=None)
+    (said,) = about_size(one, demos)
+    assert "it takes action_2 wherever it is allowed, although" in said
+    (always,) = about_size(replace(one, masked=False), demos)
+    assert "it always takes action_2, although" in always
+    harm = Harm(0, "timeout", 1.0, 1.0, holds_on=False, shown=(40, 0, 60))
+    assert "so it takes action_2 wherever it is allowed." in in_words(harm, one, 100)
 
 
 def test_a_repaired_tree_keeps_no_visits_of_other_leaves(demos, report):

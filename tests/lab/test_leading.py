@@ -5,6 +5,7 @@ import platform
 import re
 import time
 import zipfile
+from importlib import import_module
 from pathlib import Path
 
 import gymnasium
@@ -95,6 +96,13 @@ class Participant:
                 self.person.release("space")
                 held = False
             self.person.wait(0.25)
+        return self
+
+    def play(self):
+        """Play the episode that has begun, or begins now, to its end."""
+        if self.person.view.state == "review":
+            self.person.wait(1.0).do("start")
+        self.person.until("playing").press("space").until("review").release("space")
         return self
 
     def show_all(self):
@@ -284,6 +292,48 @@ def test_a_recorder_that_dies_is_gone_on_with(tmp_path) -> None:
         taking_part(study, person="deadbeef"),
     ):
         pass
+
+
+@pytest.mark.parametrize("part", ["practice", "showing"])
+def test_who_has_done_all_of_a_part_before_a_recorder_dies_goes_on(tmp_path, part) -> None:
+    """They stayed in it for good: it awaited the end of an episode, and obeyed no command."""
+    study = study_of(tmp_path / "study")
+    with taking_part(study) as parts:
+        person = Participant(*parts).say("agree").say("begin")
+        if part == "showing":
+            person.drive().say("begin").play()
+        person.play()
+        assert (person.guide.part, person.person.view.state) == (part, "review")
+        parts[0].close()
+    with taking_part(study, person=parts[0].folder.path.parent.name) as parts:
+        person = Participant(*parts)
+        assert not person.guide.view()["is_card"]
+        person.until("showing" if part == "practice" else "watching")
+
+
+def test_who_had_put_right_less_than_all_puts_right_the_rest(tmp_path, monkeypatch) -> None:
+    """The rest was left out without a word."""
+    module, made_of = import_module("eutree.fitting.fit"), []
+    monkeypatch.setattr(module, "fit", lambda known, *args, fit=module.fit, **options: (
+        made_of.append([one.by_hand is not None for one in known]) or fit(known, *args, **options)
+    ))  # fmt: skip
+    study = study_of(tmp_path / "study", SHORT.replace("taken_over = 1", "taken_over = 2"))
+    with taking_part(study) as parts:
+        person = Participant(*parts).say("agree").say("begin").drive().say("begin").drive()
+        person.until("watching").drive().say("begin")
+        session, folder = parts[0].session, parts[0].folder.path.parent
+        person.person.press("space")
+        while not (session.driving.waits and len(session.episodes) == 4):
+            person.person.wait(0.1)
+        parts[0].close()
+    with taking_part(study, person=folder.name) as parts:
+        person = Participant(*parts).until("watching").drive()
+        person.say("begin").until("questions")
+        driven = [episode.by_hand is not None for episode in parts[0].session.episodes]
+        assert driven == [False] * 3 + [True] * 2
+        person.say("send").until("thanks")
+    assert made_of == [[False] * 2, [False] * 2, [False] * 2 + [True] * 2]
+    assert [result.tree for result in parts[1].results] == ["fitted", "taken-over", "practised"]
 
 
 def test_a_study_is_the_same_for_each_person(tmp_path) -> None:

@@ -1,6 +1,9 @@
 """The table of a study: a row for each person, means with intervals, differences in pairs."""
 
+import csv
+import io
 import json
+import shutil
 import sys
 
 import gymnasium
@@ -10,7 +13,7 @@ import eutree
 from eutree.cli.main import run
 from eutree.errors import InvalidArgumentError
 from eutree_lab.study.archive import pack
-from eutree_lab.study.table import study_table
+from eutree_lab.study.table import StudyTable, study_table
 
 TASK = "eutree/Evasion2-v0"
 
@@ -59,6 +62,34 @@ def test_the_table_has_a_row_for_each_person_and_means(tmp_path, capsys) -> None
     assert (tmp_path / "p.csv").read_text().startswith("person,own,fitted,taken-over,practised")
     with pytest.raises(InvalidArgumentError, match=r"got no \.zip"):
         study_table(tmp_path)
+
+
+def test_who_lies_there_twice_is_not_counted_twice(tmp_path) -> None:
+    study = tmp_path / "study"
+    study.mkdir()
+    person_of(study, "0000000a", answer="2", tmp_path=tmp_path)
+    shutil.copy(study / "0000000a.zip", study / "0000000a (1).zip")
+    said = r"each person once, got one in '0000000a \(1\)\.zip' and '0000000a\.zip'"
+    with pytest.raises(InvalidArgumentError, match=said):
+        study_table(study, episodes=1)
+
+
+def test_what_people_write_is_no_formula_and_stays_in_its_row() -> None:
+    said = [
+        "=1+1",
+        "+cmd|' /C calc'!A0",
+        "-2+3",
+        "@SUM(1)",
+        " =1",
+        "\t=1",
+        "-0.5",
+        "so,\nand \u2028so",
+    ]
+    trees = dict.fromkeys(["own", "fitted", "taken-over", "practised"])
+    table = StudyTable(tuple(trees | {"answer 1": text} for text in [*said, -0.5, None]), {})
+    cells = [row[-1] for row in csv.reader(io.StringIO(table.to_csv()))][1:]
+    assert cells == [*(f"'{text}" for text in said[:6]), "-0.5", said[7], "-0.5", ""]
+    assert "so, and so" in str(table).splitlines()[8]
 
 
 def test_the_table_plays_in_an_environment_of_a_module(tmp_path, monkeypatch, capsys) -> None:

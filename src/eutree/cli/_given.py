@@ -82,17 +82,18 @@ def chosen_by_file(arguments: dict[str, Any]) -> frozenset[str]:
     return frozenset(click.get_current_context().meta.get(_FROM_FILE, set()) & arguments.keys())
 
 
-def keep(out: Path) -> None:
+def keep(out: Path, *, begun: bool = True) -> None:
     """Keep in a run's folder the arguments of the command; in one begun before those that are new.
 
-    Only the first call in a command keeps anything.
+    Only the first call in a command keeps anything. Where no run has ``begun`` none is replaced.
     """
     context = click.get_current_context()
     given, path = context.meta[_GIVEN], out / KEPT
-    if context.meta.get(_IS_KEPT) or not out.is_dir() or path.exists() != ("resume" in given):
+    may_keep = path.exists() if "resume" in given else begun or not path.exists()
+    if context.meta.get(_IS_KEPT) or not (out.is_dir() and may_keep):
         return
     context.meta[_IS_KEPT] = True
-    before = _without(_kept(out, given), given) if path.exists() else {}
+    before = _without(_kept(out, given), given) if "resume" in given else {}
     not_kept = _EACH_TIME | _of_the_user(given).keys()
     parameters = {str(one.name): one for one in context.command.params}
     kept = {

@@ -11,6 +11,7 @@ import click
 
 from eutree.cli import _options as option
 from eutree.cli._given import (
+    KEPT,
     GoesOn,
     RunSettings,
     chosen_by_file,
@@ -265,9 +266,11 @@ def _say_how_to_go_on(out: Path) -> bool:
     """Say how a run goes on; return whether anything of it is there."""
     saved = (out / "checkpoint.npz").exists() or any((out / "runs").glob("*/config.json"))
     if saved:
-        keep(out)
-        say(f"stopped and saved; go on with: {line_to_go_on(out)}")
-    return saved
+        keep(out, begun=False)
+    if known := saved or (out / KEPT).exists():
+        done = "and saved; go on" if saved else "before anything was learned; begin again"
+        say(f"stopped {done} with: {line_to_go_on(out)}")
+    return known
 
 
 def _spec(

@@ -97,11 +97,10 @@ def about_size(policy: TreePolicy, demonstrations: Demonstrations) -> list[str]:
     counts = shown_in(policy, demonstrations, free=True)[0]
     if policy.n_leaves > 1 or np.count_nonzero(counts) < 2:
         return []
-    names = policy.schema.actions
-    shown = _listing(counts.tolist(), names)
+    shown = _listing(counts.tolist(), policy.schema.actions)
     return [
-        f"The tree is a single leaf: it always takes {printable(names[policy.actions[0]])}, "
-        f"although {shown} were shown. No test of the observation explains when."
+        f"The tree is a single leaf: it {taking(policy, 0)}, although {shown} were shown. No test "
+        "of the observation explains when."
     ]
 
 
@@ -188,23 +187,28 @@ def leaf_in_words(policy: TreePolicy, leaf: int) -> tuple[str, str]:
     return printable(policy.schema.actions[policy.actions[leaf]]), region
 
 
+def taking(policy: TreePolicy, leaf: int) -> str:
+    """Return that a leaf takes its action: always, unless actions are masked."""
+    action = printable(policy.schema.actions[policy.actions[leaf]])
+    return f"takes {action} wherever it is allowed" if policy.masked else f"always takes {action}"
+
+
 def _cause(harm: Harm, policy: TreePolicy, n_shown: int) -> str:
     names, total = policy.schema.actions, sum(harm.shown)
     taken = int(policy.actions[harm.leaf])
-    action = printable(names[taken])
     if not total:
         return "Nothing was shown there: show such situations."
     if harm.shown[taken] < (1.0 - MIXED) * total:
         return (
             f"There {_listing(list(harm.shown), names)} were shown, and no test of the tree tells "
-            f"them apart, so it always takes {action}."
+            f"them apart, so it {taking(policy, harm.leaf)}."
         )
     if total < FEW:
         return f"Only {total} of the {n_shown} steps shown were there: show such situations."
     return (
-        f"{action} was shown in {harm.shown[taken]} of {total} steps there, so what made the "
-        "difference is not in the numbers that the tree sees, for example where something heads, "
-        "or it lies earlier."
+        f"{printable(names[taken])} was shown in {harm.shown[taken]} of {total} steps there, so "
+        "what made the difference is not in the numbers that the tree sees, for example where "
+        "something heads, or it lies earlier."
     )
 
 

@@ -14,6 +14,7 @@ from eutree.display import counted
 from eutree.errors import EutreeError, InvalidArgumentError
 from eutree.evaluation import Evaluation, evaluate
 from eutree.export import to_svg
+from eutree.fitting.diagnosis import taking
 from eutree.fitting.page_views import Way, beside_each_other, hurt_views, said_of, smaller, value
 from eutree.fitting.report import FitReport, Person, result_in_words, verdict
 from eutree.interaction import GuardedEnv, episode_seed
@@ -82,14 +83,17 @@ class PageTree:
                 page(TreeView(phase=FITTING, message=message, finished=played, of=most))
 
         page(TreeView(phase=FITTING, message="Fitting trees to what you showed"))
-        known = Demonstrations.load(self._folder)
         with closing(self._make()) as env:
-            fitted = fit(known, env, episodes=FITTED, seed=self._seed, on_progress=progress)
+            fitted = fit(self._known(), env, episodes=FITTED, seed=self._seed, on_progress=progress)
         tree, path = fitted.policy, self._beside("tree")
         tree.save(path)
         made = Way("your tree", "Keep mine", tree, self._play(tree, page), path)
         self._fitted, self._best, self._presses, self._ways = fitted, made, 0, [made]
         return made
+
+    def _known(self) -> Demonstrations:
+        """Return what a tree is made of: all that is stored."""
+        return Demonstrations.load(self._folder)
 
     def look(self, show: Show, stop: Callable[[], bool]) -> None:
         """Find by playing which seconds of the demonstrations cost the tree its success."""
@@ -170,8 +174,7 @@ class PageTree:
             if value(played) > value(before.played):
                 path = self._beside("practised")
                 tree.save(path)
-                best = Way("practised", "Keep the practised one", tree, played, path)
-                self._best = best
+                self._best = best = Way("practised", "Keep the practised one", tree, played, path)
                 self._ways = self._beside_practised(best, page)
             else:
                 found = result_in_words(played)
@@ -281,8 +284,7 @@ class PageTree:
         may_gain = found.is_worse or played.successes is None or value(played) < ENOUGH
         parts = [note, "Practice may make it better." if may_gain else ""]
         if tree.n_leaves == 1:
-            only = tree.schema.actions[int(tree.actions[0])]
-            parts.append(f"It has a single leaf: it always answers {only}.")
+            parts.append(f"It has a single leaf: it {taking(tree, 0)}.")
         elif found.is_worse and self._fitted is not None and tree is self._fitted.policy:
             parts += self._fitted.warnings
         with closing(self._make()) as env:

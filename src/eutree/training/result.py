@@ -31,7 +31,7 @@ class StepCounts:
             the network of ``distilled-dqn`` while it learned.
         learning: Taken by the learner's trees.
         racing: Taken by trees that raced.
-        front: Taken at the end by the best trees of each size.
+        front: Taken at the end by the best trees of each size; without a front by one on trial.
         judging: Taken at the end by the start and the learned tree, of which one is handed over,
             but for those that evaluations had taken before.
         declared: Those in which a teacher of your own was trained before, by its word or yours.

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
+from eutree.data import Demonstrations
 from eutree.errors import InvalidArgumentError, shown
 from eutree.files import make_folder, read_document, write_document
 from eutree.files.schema_document import environment_to_document
@@ -209,7 +210,7 @@ class Study:
         if self.part in (PRACTICE, SHOWING):
             if self.part == PRACTICE:
                 self._counts.set_practice_aside()
-            return enough and self._was_read(now, session.state == REVIEW)
+            return enough and self._was_read(now, session.state in (OPENING, REVIEW))
         if self.part == MAKING:
             shown = driving.is_on if self._plan.watched else driving.can_correct
             return shown or self._maker.failed
@@ -287,14 +288,17 @@ class Study:
         known = read_document(path, PersonDocument)
         self._seconds, self._maker.results[:] = dict(known.seconds), known.results
         self.answers, self.part = list(known.answers), known.part
+        enough = self._counts.is_enough
         for place, episode in enumerate(self._session.episodes):
             if not is_whole(episode):
                 self._session.recording.mark(place, kept=False, comment="interrupted")
         if self.part in (WATCHING, CORRECTING):
-            self.part = QUESTIONS if self._counts.n_driven else MAKING
+            self.part = QUESTIONS if self._counts.n_driven and enough(CORRECTING) else MAKING
         if self.part == MAKING:
             self._maker.results.clear()
-        self._begun = self.part not in (PRACTICE, SHOWING)
+        if self.part == PRACTICE:
+            self._counts.set_practice_aside()
+        self._begun = self.part not in (PRACTICE, SHOWING) or enough(self.part)
 
     # ---- the end
 
@@ -385,6 +389,12 @@ class StudyTree(PageTree):
         name, of_all = TAKEN_OVER if FITTED in self.names else FITTED, super().make
         watched = self._watched if name == FITTED else -1
         self._keep(name, lambda: of_all(_plainly(show, watched), stop))
+
+    def _known(self) -> Demonstrations:
+        """Return what a tree is made of; the first one of what the person showed alone."""
+        known = super()._known()
+        shown = tuple(episode for episode in known.episodes if episode.by_hand is None)
+        return known if FITTED in self.names else replace(known, episodes=shown)
 
     def practise(self, show: "Show", stop: Callable[[], bool]) -> None:
         """Let the tree learn by itself."""

@@ -2,6 +2,7 @@
 
 import csv
 import io
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -10,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from eutree.data import Demonstrations
-from eutree.errors import InvalidArgumentError
+from eutree.errors import InvalidArgumentError, shown
 from eutree.evaluation import evaluate, mean_interval
 from eutree.files.schema_document import environment_from_document
 from eutree.fitting import Person
@@ -21,6 +22,7 @@ from eutree_lab.study.archive import DEMOS, TREES, PersonDocument, unpack
 
 Cell = str | float | None
 OWN = "own"
+_FORMULA = re.compile(r"(?![+-][\d.]+\Z)\s*[=+\-@]")  # to a spreadsheet; -0.5 is a number
 DIFFERENCES = (("taken-over", "fitted"), ("practised", "taken-over"), ("practised", OWN))
 
 
@@ -61,11 +63,11 @@ class StudyTable:
         }
 
     def to_csv(self) -> str:
-        """Return the rows as comma-separated values, as they are."""
+        """Return the rows as comma-separated values; text that a spreadsheet runs behind a '."""
         text = io.StringIO()
         writer = csv.DictWriter(text, self.columns, lineterminator="\n")
         writer.writeheader()
-        writer.writerows(self.rows)
+        writer.writerows({name: _quoted(row[name]) for name in row} for row in self.rows)
         return text.getvalue()
 
     def __str__(self) -> str:
@@ -91,14 +93,18 @@ def study_table(study: Path, *, episodes: int = 500, seed: int = 1_000_003) -> S
         seed: Seed of these episodes.
 
     Raises:
-        InvalidArgumentError: There is no archive, or they are not of one study.
+        InvalidArgumentError: There is no archive, or two of one person, or they are not of one
+            study.
         FormatError: An archive is damaged.
     """
     paths = sorted(study.glob("*.zip"))
-    rows, known = [], list[PersonDocument]()
+    rows, known, places = [], list[PersonDocument](), dict[str, str]()
     for path in paths:
         with TemporaryDirectory() as name:
             person = unpack(path, Path(name))
+            if (other := places.setdefault(person.person, path.name)) != path.name:
+                both = f"{shown(other)} and {shown(path.name)}"
+                raise InvalidArgumentError(f"{study} must hold each person once, got one in {both}")
             rows.append(_row(person, Path(name), episodes, seed))
         known.append(person)
     if not rows:
@@ -110,15 +116,15 @@ def study_table(study: Path, *, episodes: int = 500, seed: int = 1_000_003) -> S
 
 
 def _row(person: PersonDocument, folder: Path, episodes: int, seed: int) -> dict[str, Cell]:
-    shown = Demonstrations.load(folder / DEMOS)
-    own = Person.of(shown)
-    driven = [episode for episode in shown if episode.by_hand is not None]
+    demos = Demonstrations.load(folder / DEMOS)
+    own = Person.of(demos)
+    driven = [episode for episode in demos if episode.by_hand is not None]
     by_hand = sum(int(np.sum(e.by_hand)) for e in driven if e.by_hand is not None)
     steps = sum(map(len, driven))
     row: dict[str, Cell] = {"person": person.person}
     row[OWN] = None if own.whole is None else float(value(own.whole))
     row |= _reached(person, folder, episodes, seed)
-    row["steps shown"] = float(shown.n_transitions - steps)
+    row["steps shown"] = float(demos.n_transitions - steps)
     row["by hand"], row["watched"] = float(by_hand), float(steps - by_hand)
     row["minutes"] = sum(person.seconds.values()) / 60.0
     for place, question in enumerate(person.plan.questions):
@@ -155,4 +161,8 @@ def _answer(place: int) -> str:
 def _said(cell: Cell) -> str:
     if cell is None:
         return "-"
-    return f"{cell:.3g}" if isinstance(cell, float) else cell
+    return f"{cell:.3g}" if isinstance(cell, float) else " ".join(cell.split())
+
+
+def _quoted(cell: Cell) -> Cell:
+    return f"'{cell}" if isinstance(cell, str) and _FORMULA.match(cell) else cell
