@@ -110,6 +110,7 @@ def trim(folder: Path, number: int, steps: int) -> Result:
         truncated=False,
         ending="trimmed",
         is_success=None,
+        extras={name: said for name, said in episode.extras.items() if name != DROPPED},
     )
     opened.write(number, shorter)
     left = counted(steps, "step")
