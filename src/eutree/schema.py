@@ -333,7 +333,7 @@ class Schema:
             either: Whether numbers in place of names there are compared so, too.
         """
         if not self._names_fit(other, either=either):
-            hint = "; names of a file are given here, too, by --names"
+            hint = "; names of a file are given here, too, by --names, or kept by demos rename"
             alike = len(self.features) in (len(other.features), len(other.measured.features))
             raise InvalidArgumentError(
                 f"{what} must have the features and actions of {of}, {list(self.feature_names)} "

@@ -115,5 +115,5 @@ def test_ends_as_d4rl_names_them_end_the_episodes(tmp_path):
 @pytest.mark.parametrize("known", [{}, {"terminals": [0, 0, 0]}])
 def test_rows_that_do_not_tell_the_episodes_apart_are_refused(tmp_path, known):
     np.savez(tmp_path / "log.npz", obs=np.arange(3.0), acts=[0, 1, 0], **known)
-    with pytest.raises(FormatError, match="must say where episodes begin or end"):
+    with pytest.raises(FormatError, match="must tell episodes apart"):
         Demonstrations.from_npz(tmp_path / "log.npz")

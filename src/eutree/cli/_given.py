@@ -270,19 +270,18 @@ def chosen_method(
     document.pop("run", None)
     stored = document.pop("method", document.pop("name", None))
     if isinstance(stored, dict):  # the configuration of a run
-        document, stored = dict(stored), stored.get("name")
-        document.pop("name", None)
+        document = dict(stored)
+        stored = document.pop("name", None)
     if not isinstance(stored, str | None):
         raise InvalidArgumentError(f"{settings}: method must be a name, got {shown(stored)}")
     if name and stored and stored not in (name, method_of(name).name):
         raise InvalidArgumentError(f"{settings}: method must be {name!r} as asked, got {stored!r}")
     method = method_of(name or stored or ("corrected" if offline else "default"))
-    method = with_choices(method, document)
     given = dict(_pair(text) for text in changes)
     if discount is not None and "discount" in given:
         raise InvalidArgumentError("--discount and --set discount say the same; leave out one")
-    method = with_choices(method, given)
-    return method if discount is None else with_choices(method, {"discount": discount})
+    given |= {} if discount is None else {"discount": discount}
+    return with_choices(with_choices(method, document), given)
 
 
 def listed(method: "Method | str | None", *, offline: bool) -> tuple[dict[str, Any], str]:
@@ -294,18 +293,13 @@ def listed(method: "Method | str | None", *, offline: bool) -> tuple[dict[str, A
         method = method_of(method or ("corrected" if offline else "default"))
     first = FIRST.get(method.name, ())
     known = choices_of(method)
-    order = sorted(
-        known, key=lambda one: first.index(one.name) if one.name in first else len(first)
-    )
+    order = sorted(known, key=lambda one: (*first, one.name).index(one.name))
     lines = [f"{method.name}: --set NAME=VALUE; turn first what is marked with *"]
     for choice in order:
         mark = "*" if choice.name in first else " "
         lines.append(f"{mark} {choice.name} = {json.dumps(choice.value)}\n      {choice.text}")
-    values = {
-        "method": method.name,
-        "first": list(first),
-        "settings": {choice.name: choice.value for choice in known},
-    }
+    settings = {choice.name: choice.value for choice in known}
+    values = {"method": method.name, "first": list(first), "settings": settings}
     return values, "\n".join(lines)
 
 
@@ -326,14 +320,10 @@ def _read(path: Path) -> dict[str, Any]:
     elif not path.exists() and str(path) in tasks():
         raise FileError("read", path, f"no such file; those of the zoo are --settings zoo:{path}")
     data = read_bytes(path, limit=_MOST)
-    try:
-        if path.suffix == ".json":
-            found = json.loads(data)
-            if not isinstance(found, dict) or not isinstance(found.get("method"), dict):
-                raise FormatError(path, "method", "must be there: the configuration of a run")
-            return {"method": found["method"]}
-        return tomllib.loads(data.decode())
-    except (ValueError, RecursionError) as error:
-        if isinstance(error, FormatError):
-            raise
-        raise FormatError(path, "document", str(error)) from None
+    with blamed(path, "document", (ValueError, RecursionError)):
+        if path.suffix != ".json":
+            return tomllib.loads(data.decode())
+        found = json.loads(data)
+    if not isinstance(found, dict) or not isinstance(found.get("method"), dict):
+        raise FormatError(path, "method", "must be there: the configuration of a run")
+    return {"method": found["method"]}

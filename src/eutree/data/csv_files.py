@@ -361,14 +361,11 @@ class _Table:
 
     def _take_indices(self, schema: Schema | None) -> None:
         """Take actions 1.0 for indices, where they have names and set no levels."""
-        names = self._log.actions if schema is None else schema.actions
-        levels = {level for one in (schema.controls if schema else ()) for level in one.levels}
-        if (
-            all(map(_FLOAT_INDEX.fullmatch, self._codes))
-            and (names or self._names)
-            and self._codes.keys().isdisjoint(names)
-            and not levels.issuperset(map(float, self._codes))
-        ):
+        known = {*self._log.actions}
+        if schema is not None:
+            known = {*schema.actions, *(str(n) for one in schema.controls for n in one.levels)}
+        are_floats = all(map(_FLOAT_INDEX.fullmatch, self._codes))
+        if are_floats and (known or self._names) and not known >= self._codes.keys():
             self._codes = {text[:-2]: code for text, code in self._codes.items()}
             self._names = {text[:-2]: name for text, name in self._names.items()}
 

@@ -195,11 +195,8 @@ class DemonstrationFolder:
             raise InvalidArgumentError(
                 f"{self.path} holds demonstrations of {mine}, not of {other}; choose another folder"
             )
-        is_same = self.schema == schema or (
-            schema.is_unnamed_form_of(self.schema)
-            and Derivation.of(schema) == Derivation.of(self.schema)
-        )
-        if not is_same:
+        are_derived_alike = Derivation.of(self.schema) == Derivation.of(schema)
+        if not (are_derived_alike and schema.is_unnamed_form_of(self.schema)):
             raise InvalidArgumentError(
                 f"{self.path} holds demonstrations with other features or actions; "
                 "choose another folder"

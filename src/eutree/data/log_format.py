@@ -1,7 +1,7 @@
 """How a machine's log is read: its columns, times, text, empty cells, unmarked episodes."""
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
@@ -187,12 +187,11 @@ def is_quantity(text: str) -> bool:
         return False
 
 
-def are_quantities(actions: Iterable[str], names: Mapping[str, str]) -> bool:
+def are_quantities(texts: Collection[str], names: Mapping[str, str]) -> bool:
     """Return whether actions are numbers, such as 0 and 1500, that are no indices.
 
     Indices are named beside, or small, or half of those up to the largest are there at least.
     """
-    texts = tuple(actions)
     if names or not texts or not all(map(is_quantity, texts)):
         return False
     highest = max(map(float, texts))

@@ -123,10 +123,7 @@ def _rows(arrays: _Arrays) -> tuple[Episode, ...]:
         action_masks=arrays.get("masks"),
     )
     if dones is None and "starts" not in arrays and "next_obs" not in arrays:
-        raise InvalidArgumentError(
-            "the file must say where episodes begin or end, by episode_starts, dones, or "
-            "terminations and truncations"
-        )
+        raise InvalidArgumentError("must tell episodes apart, by episode_starts or by dones")
     return episodes
 
 

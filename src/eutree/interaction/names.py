@@ -95,7 +95,7 @@ class Names(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
             inner.action_names = self.actions
         return DerivedObservation(env, self.derived) if self.derived else env
 
-    def of(self, schema: Schema, whose: str = "its own") -> Schema:
+    def of(self, schema: Schema, whose: str = "those there") -> Schema:
         """Return a schema with these names, units and kinds in place of its own.
 
         Derived features that it has keep their names; ``whose`` the others are, a message says.
