@@ -278,7 +278,7 @@ def _check_shown(demonstrations: Demonstrations, environment: str | None) -> Non
     if environment and not _is_same(shown, environment):
         option.refuse({"environment"}, f"the demonstrations are of {shown or 'no environment'}")
     schema = demonstrations.schema
-    if names is not None and names.of(schema).measured != schema.measured:
+    if names is not None and not schema.is_unnamed_form_of(names.of(schema)):
         option.refuse({"names"}, "the demonstrations have other names, or kinds, of their own")
 
 
