@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from eutree.arrays import Floats, Integers
+from eutree.arrays import Booleans, Floats, Integers
 from eutree.formulas import Formula, parse
 from eutree.schema import Schema
 from eutree.validation import check_integer
@@ -35,6 +35,12 @@ def threshold_between(low: float, high: float) -> float:
     """
     middle = low / 2 + high / 2  # halves first: the sum of two large numbers would overflow
     return middle if low <= middle < high else low
+
+
+def _begins(starts: ArrayLike | None, rows: Floats) -> Booleans:
+    """Return whether each row [..., d] begins its episode, [..., 1]; a list may say it of one."""
+    begins = np.asarray(False if starts is None else starts, dtype=bool)
+    return begins.reshape(1) if rows.ndim == 1 else begins[..., np.newaxis]
 
 
 @dataclass(frozen=True)
@@ -95,8 +101,7 @@ class Derivation:
         if state is None or not self.remembered:
             return fresh
         after = self.rows(measured, state[..., : fresh.shape[-1]])
-        begins = np.asarray(False if starts is None else starts, dtype=bool)
-        return np.where(begins[..., np.newaxis], fresh, after)
+        return np.where(_begins(starts, fresh), fresh, after)
 
     def of_episode(self, measured: Floats) -> Floats:
         """Return the observations of an episode [T + 1, m] with derived features, [T + 1, d]."""
@@ -194,8 +199,7 @@ class FeatureMap:
         size = self.n_features
         action = state[..., size:].astype(np.int64).sum(axis=-1)  # none where none is remembered
         features = self.next(state[..., :size], action, observation)
-        begins = np.asarray(False if starts is None else starts, dtype=bool)
-        return np.where(begins[..., np.newaxis], fresh, features)
+        return np.where(_begins(starts, fresh), fresh, features)
 
     def of_episode(self, observations: Floats, actions: Integers) -> Floats:
         """Return the features at every observation of an episode, shape [T + 1, n_features].

@@ -333,7 +333,7 @@ class Schema:
             either: Whether numbers in place of names there are compared so, too.
         """
         if not self._names_fit(other, either=either):
-            hint = "; names of a file are given here, too, by --names"
+            hint = "; names of a file are given here, too, by --names, or kept by demos rename"
             alike = len(self.features) in (len(other.features), len(other.measured.features))
             raise InvalidArgumentError(
                 f"{what} must have the features and actions of {of}, {list(self.feature_names)} "
@@ -396,11 +396,13 @@ class Schema:
             yield found[0], replace(_of_kind(self.features[found[0]], "flag"), group=group)
 
     def is_unnamed_form_of(self, named: "Schema") -> bool:
-        """Return whether ``named`` differs from this schema by names that this one has not."""
-        mine, theirs = (
-            [(feature.low, feature.high) for feature in schema.features] for schema in (self, named)
+        """Return whether ``named`` differs from this by names, and units, that one has not."""
+        alike = all(
+            (mine.low, mine.high) == (theirs.low, theirs.high)
+            and len({mine.unit, theirs.unit, ""}) < 3
+            for mine, theirs in zip(self.features, named.features, strict=False)
         )
-        return mine == theirs and self._names_fit(named)
+        return alike and self._names_fit(named)
 
     def _names_fit(self, other: "Schema", *, either: bool = False) -> bool:
         """Return whether the names that this schema has, or both have, are those of the other."""

@@ -10,18 +10,17 @@ import json
 import os
 import shlex
 import tomllib
-from collections.abc import Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import click
+import msgspec
 
 from eutree.cli._options import Helped, Written, give, look_in_this_folder
 from eutree.cli._output import say
 from eutree.cli._policies import controller, in_zoo, is_own
 from eutree.data import Demonstrations
-from eutree.errors import FileError, FormatError, InvalidArgumentError
+from eutree.errors import FileError, FormatError, InvalidArgumentError, blamed, shown
 from eutree.files import Document, read_bytes, read_document, write_document
 from eutree.interaction.making import make
 from eutree.interaction.names import Names, given_names
@@ -198,40 +197,35 @@ def _absolute(parameter: click.Parameter, text: str) -> str:
     return os.path.abspath(text) if is_path and not in_zoo(text) else text
 
 
-@dataclass(frozen=True, kw_only=True)
-class RunSettings:
+class RunSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """How a run goes that settings are known to work for: the table ``[run]`` of their file."""
 
     task: str = ""  # id of the environment that they are for; "" where they do not say it
     expert: str | None = None  # who demonstrates where no demonstrations are given; None for nobody
     demonstrations: int = 0  # the number of its episodes
     # Share of ``--steps`` that racing takes where no ``--race-steps`` are given
-    race_share: float = 0.0
+    race_share: Annotated[float, msgspec.Meta(ge=0, lt=1)] = 0.0
     # Of the environment, where neither the user nor demonstrations say otherwise
-    arguments: dict[str, Any] = field(default_factory=dict)
-    derived: Sequence[str] = ()  # declarations as for ``--derive``, where the user gives none
+    arguments: dict[str, Any] = {}
+    derived: tuple[str, ...] = ()  # declarations as for ``--derive``, where the user gives none
 
     @classmethod
     def of(cls, settings: Path | None) -> "RunSettings":
         """Return those of a file of settings; a file without the table has none.
 
         Raises:
-            FormatError: The table has an unknown entry.
+            FormatError: The table has an unknown entry, or one of a wrong kind.
         """
         if settings is None:
             return cls()
-        table = _read(settings).get("run", {})
-        try:
-            return cls(**table)
-        except TypeError:
-            known = ", ".join(cls.__dataclass_fields__)
-            raise FormatError(settings, "run", f"must be a table of {known}, got {table}") from None
+        with blamed(settings, "run", msgspec.ValidationError):
+            return msgspec.convert(_read(settings).get("run", {}), cls)
 
     def declare_derived(self, context: click.Context) -> None:
         """Declare its derived features for every environment that the command makes."""
         given = given_names()
         if self.derived and not (given and given.derived):
-            give(context, Names(derived=tuple(self.derived)))
+            give(context, Names(derived=self.derived))
 
     def shown(self, spec: EnvironmentSpec, seed: int) -> Demonstrations | None:
         """Return the episodes of who demonstrates, recorded now."""
@@ -277,17 +271,18 @@ def chosen_method(
     document.pop("run", None)
     stored = document.pop("method", document.pop("name", None))
     if isinstance(stored, dict):  # the configuration of a run
-        document, stored = dict(stored), stored.get("name")
-        document.pop("name", None)
-    if name is not None and stored is not None and stored != method_of(name).name:
+        document = dict(stored)
+        stored = document.pop("name", None)
+    if not isinstance(stored, str | None):
+        raise InvalidArgumentError(f"{settings}: method must be a name, got {shown(stored)}")
+    if name and stored and stored not in (name, method_of(name).name):
         raise InvalidArgumentError(f"{settings}: method must be {name!r} as asked, got {stored!r}")
     method = method_of(name or stored or ("corrected" if offline else "default"))
-    method = with_choices(method, document)
     given = dict(_pair(text) for text in changes)
     if discount is not None and "discount" in given:
         raise InvalidArgumentError("--discount and --set discount say the same; leave out one")
-    method = with_choices(method, given)
-    return method if discount is None else with_choices(method, {"discount": discount})
+    given |= {} if discount is None else {"discount": discount}
+    return with_choices(with_choices(method, document), given)
 
 
 def listed(method: "Method | str | None", *, offline: bool) -> tuple[dict[str, Any], str]:
@@ -299,18 +294,13 @@ def listed(method: "Method | str | None", *, offline: bool) -> tuple[dict[str, A
         method = method_of(method or ("corrected" if offline else "default"))
     first = FIRST.get(method.name, ())
     known = choices_of(method)
-    order = sorted(
-        known, key=lambda one: first.index(one.name) if one.name in first else len(first)
-    )
+    order = sorted(known, key=lambda one: (*first, one.name).index(one.name))
     lines = [f"{method.name}: --set NAME=VALUE; turn first what is marked with *"]
     for choice in order:
         mark = "*" if choice.name in first else " "
         lines.append(f"{mark} {choice.name} = {json.dumps(choice.value)}\n      {choice.text}")
-    values = {
-        "method": method.name,
-        "first": list(first),
-        "settings": {choice.name: choice.value for choice in known},
-    }
+    settings = {choice.name: choice.value for choice in known}
+    values = {"method": method.name, "first": list(first), "settings": settings}
     return values, "\n".join(lines)
 
 
@@ -331,14 +321,10 @@ def _read(path: Path) -> dict[str, Any]:
     elif not path.exists() and str(path) in tasks():
         raise FileError("read", path, f"no such file; those of the zoo are --settings zoo:{path}")
     data = read_bytes(path, limit=_MOST)
-    try:
-        if path.suffix == ".json":
-            found = json.loads(data)
-            if not isinstance(found, dict) or not isinstance(found.get("method"), dict):
-                raise FormatError(path, "method", "must be there: the configuration of a run")
-            return {"method": found["method"]}
-        return tomllib.loads(data.decode())
-    except (ValueError, RecursionError) as error:
-        if isinstance(error, FormatError):
-            raise
-        raise FormatError(path, "document", str(error)) from None
+    with blamed(path, "document", (ValueError, RecursionError)):
+        if path.suffix != ".json":
+            return tomllib.loads(data.decode())
+        found = json.loads(data)
+    if not isinstance(found, dict) or not isinstance(found.get("method"), dict):
+        raise FormatError(path, "method", "must be there: the configuration of a run")
+    return {"method": found["method"]}

@@ -53,12 +53,18 @@ def load_policy(path: Path, *, hand_edited: bool = False) -> "TreePolicy":
 def load_demonstrations(path: Path, policy: "TreePolicy | None" = None) -> "Demonstrations":
     """Return the demonstrations in a folder, with the features that are derived elsewhere.
 
-    These are the features that ``--derive`` declares, or else those that the policy needs.
+    These are the features that ``--derive`` declares, or else those that the policy needs. Where
+    numbers stand for names, they get those of ``--names``.
     """
     from eutree.data import Demonstrations, derive
-    from eutree.interaction.names import given_names
+    from eutree.interaction.names import Names, given_names
 
     demonstrations, names = Demonstrations.load(path), given_names()
+    if names is not None:
+        schema = demonstrations.schema
+        named = Names(features=names.features, actions=names.actions).of(schema)
+        if schema.is_unnamed_form_of(named):
+            demonstrations = replace(demonstrations, schema=schema.with_names_of(named))
     declared = (names and names.derived) or (policy and policy.schema.derived)
     if declared and not demonstrations.schema.derived:
         demonstrations = derive(demonstrations, declared)

@@ -110,6 +110,7 @@ def trim(folder: Path, number: int, steps: int) -> Result:
         truncated=False,
         ending="trimmed",
         is_success=None,
+        extras={name: said for name, said in episode.extras.items() if name != DROPPED},
     )
     opened.write(number, shorter)
     left = counted(steps, "step")
@@ -314,12 +315,8 @@ def import_(
             "is what the first one's action led to"
         )
     if names is not None:
-        if (ordered := _as_named(loaded.schema, names)) != loaded.schema:
-            raise InvalidArgumentError(
-                f"names must be in the order of those in {source}, {_listed(loaded.schema)}, "
-                f"got {_listed(ordered)}"
-            )
-        loaded = replace(loaded, schema=names.of(loaded.schema))
+        _as_named(loaded.schema, names)  # refuses names of which only some stand elsewhere
+        loaded = replace(loaded, schema=names.of(loaded.schema, f"those in {source}"))
         _check_kinds(loaded.schema, loaded.episodes)
         if names.derived and not loaded.schema.derived:
             loaded = derive(loaded, names.derived)
@@ -342,10 +339,6 @@ def _as_named(schema: Schema, names: Names | None) -> Schema:
     if sorted(names.actions) == sorted(actions) and not schema.controls:
         actions = names.actions
     return replace(schema, features=(*features, *schema.derived), actions=actions)
-
-
-def _listed(schema: Schema) -> str:
-    return f"{', '.join(schema.feature_names)} and {', '.join(schema.actions)}"
 
 
 def _check_kinds(schema: Schema, episodes: Iterable[Episode]) -> None:

@@ -35,13 +35,14 @@ from eutree.data import Demonstrations
 from eutree.errors import EnvironmentFault, InvalidArgumentError
 from eutree.interaction.acting import trained_steps
 from eutree.interaction.making import MANNER, make
+from eutree.interaction.names import given_names
 from eutree.policies import TreePolicy
 from eutree.schema import EnvironmentSpec
 from eutree.zoo import card
 
 # What is not heard where nobody plays.
 _PLAYED = ("steps", "minutes", "judge_episodes", "front_steps", "evaluate_every",
-           "evaluation_episodes")  # fmt: skip
+           "evaluation_episodes", "env_arguments", "decode", "action_grid")  # fmt: skip
 
 if TYPE_CHECKING:
     from eutree.training import LearningResult, Teacher
@@ -182,8 +183,9 @@ def learn(
         raise InvalidArgumentError("--offline learns from demonstrations alone; name them: --demos")
     if offline and against is not None:
         raise InvalidArgumentError("--against needs an environment to act in; leave out --offline")
-    if offline:
+    if offline and demonstrations is not None:
         option.refuse(_PLAYED, "nothing is played with --offline")
+        _check_shown(demonstrations, environment)
         if not hasattr(method_of(chosen) if isinstance(chosen, str) else chosen, "max_leaves"):
             cut = "eutree compress RUN --max-leaves N cuts the result of --offline"
             option.refuse({"max_leaves"}, cut)
@@ -273,6 +275,21 @@ def _say_how_to_go_on(out: Path) -> bool:
     return known
 
 
+def _check_shown(demonstrations: Demonstrations, environment: str | None) -> None:
+    """Refuse an environment, and names, that are not those of the demonstrations alone."""
+    shown, names = demonstrations.environment, given_names()
+    if environment and not _is_same(shown, environment):
+        option.refuse({"environment"}, f"the demonstrations are of {shown or 'no environment'}")
+    schema = demonstrations.schema
+    if names is not None and not schema.is_unnamed_form_of(names.of(schema)):
+        option.refuse({"names"}, "the demonstrations have other names, or kinds, of their own")
+
+
+def _is_same(spec: EnvironmentSpec | None, environment: str) -> bool:
+    """Return whether an id, perhaps with its module, is that of an environment."""
+    return spec is not None and spec.id.rpartition(":")[2] == environment.rpartition(":")[2]
+
+
 def _spec(
     environment: str | None,
     demonstrations: Demonstrations | None,
@@ -291,13 +308,13 @@ def _spec(
         environment = environment or of_run.task or None
     if environment is not None:
         manner = {}
-        if shown is not None and shown.id.rpartition(":")[2] == environment.rpartition(":")[2]:
+        if shown is not None and _is_same(shown, environment):
             manner = {name: value for name, value in shown.arguments.items() if name in MANNER}
         return EnvironmentSpec(environment, {**usual, **manner, **arguments}, chosen)
-    if demonstrations is None or demonstrations.environment is None:
+    if shown is None:
         raise InvalidArgumentError(
             "name an environment, or with --demos demonstrations that name one; from a log alone "
             "learns --offline"
         )
-    spec = demonstrations.environment.override(arguments)
+    spec = shown.override(arguments)
     return replace(spec, arguments={**usual, **spec.arguments}, from_file=spec.from_file | chosen)

@@ -27,16 +27,19 @@ from eutree.arrays import Booleans, Floats, Integers
 from eutree.data.episode import ALLOWED, DROPPED, MAX_NAMES, Episode
 from eutree.data.log_format import (
     HOLD,
+    INDEX,
     KNOWN,
     LEAVE_OUT,
     MASKED,
     LogFormat,
+    are_quantities,
     column_of,
     hint,
     is_nothing,
     is_quantity,
     label,
     order_of,
+    truth,
 )
 from eutree.errors import FormatError, InvalidArgumentError, blamed
 from eutree.files import opened_text, read_bytes, write_text
@@ -47,14 +50,12 @@ MAX_CSV = 512 * 2**20
 MAX_NUMBERS = 24 * 2**20  # of all rows: features, action and reward
 MAX_EPISODES = 100_000
 MAX_CATEGORIES = 100  # of one column: each is a feature
-SMALL = 18  # indices of actions below it are indices, whichever are missing: so many has Atari
 
 _DELIMITERS = ",;\t|"
 _DECIMAL_COMMA = re.compile(r"\s*[-+]?\d+,\d+(?:[eE][-+]?\d+)?\s*")
-_INDEX = re.compile(r"[0-9]{1,5}")
+_FLOAT_INDEX = re.compile(r"[0-9]{1,5}\.0")  # as pandas writes it in a column with empty cells
 _SEED = re.compile(r"[0-9]{1,99}")
 _FACTS = ("seed", "ending", "is_success", "kept")  # of an episode, whichever of its rows says so
-_TRUTH = {"": None, "true": True, "false": False, "1": True, "0": False}
 
 
 def read_csv(
@@ -154,6 +155,7 @@ class _Table:
         self._numbers = [column for column in self._features if column not in log.nominal]
         self._groups: list[_EpisodeRows] = []
         self._present: dict[str, _EpisodeRows] = {}  # of each episode that may go on
+        self._held: dict[str, dict[str, str]] = {}  # the last text of each column of its rows
         self._times: dict[str, float] = {}  # of its last row
         self._order: slice | list[int] = slice(None)  # of the features, as a schema has them
         self._size = self.filled = self.left_out = 0
@@ -197,6 +199,7 @@ class _Table:
             )
         if self._log.episode_gap is not None and step > self._log.episode_gap:
             self._present.pop(name, None)
+            self._held.pop(name, None)
         self._times[name] = now
 
     def _fill(self, name: str, row: dict[str, str]) -> bool | None:
@@ -206,11 +209,16 @@ class _Table:
         if empty and self._log.missing == LEAVE_OUT:
             self._present.pop(name, None)
             return None
-        held = self._present.get(name) if self._log.missing == HOLD else None
-        if self._log.missing == HOLD and held is None and (empty or not row["action"]):
+        held = dict.fromkeys(empty, self._log.missing)
+        if self._log.missing == HOLD:
+            held = self._held.setdefault(name, {})
+            known = {*self._features, "action"}.difference(empty)
+            held |= {column: row[column] for column in known if row[column]}
+            if name not in self._present and not row["action"]:
+                empty.append("action")
+        if not held.keys() >= {*empty}:
             return None  # there is nothing yet to hold
-        for column in empty:
-            row[column] = self._log.missing if held is None else held.last_row[column]
+        row |= {column: held[column] for column in empty}
         return bool(empty)
 
     def _add(self, group: _EpisodeRows, row: dict[str, str]) -> None:
@@ -237,7 +245,7 @@ class _Table:
         group.facts |= {name: row[name] for name in _FACTS if row.get(name)}
         if row["action"]:
             self._act(group, row)
-        ends = _truth(row, "terminated") is True, _truth(row, "truncated") is True
+        ends = truth(row, "terminated") is True, truth(row, "truncated") is True
         if row["action"] or not group.actions:
             group.ends = (group.ends[-1], ends)
         else:  # behind the last action: the episode ended there, whichever row says so
@@ -249,8 +257,9 @@ class _Table:
         if any(group.ends[-1]):
             raise InvalidArgumentError("the episode ended on an earlier line")
         group.actions.append(self._code(row["action"]))
-        if row.get("action_name"):
-            self._names.setdefault(row["action"], row["action_name"])
+        name = row.get("action_name")
+        if name and name != (meant := self._names.setdefault(row["action"], name)):
+            raise InvalidArgumentError(f"{row['action']} must mean {meant!r}, got {name!r}")
         if ALLOWED in row:
             group.masks.append(self._mask(row["action"], row[ALLOWED].strip()))
         known = bool(row.get("reward"))
@@ -324,6 +333,7 @@ class _Table:
         """Return the episodes and their schema, which is made of the table if it is not given."""
         with blamed(path):
             features = tuple(self._made_features())
+        self._take_indices(schema)
         if schema is None:
             with blamed(path, "action"):
                 actions = self._made_actions()
@@ -332,7 +342,7 @@ class _Table:
         else:
             with blamed(path, "line 1"):
                 self._order = order_of(features, schema)
-        by_name = bool(self._log.actions) or self._are_quantities()
+        by_name = bool(self._log.actions) or are_quantities(self._codes, self._names)
         with blamed(path, "action"):
             numbers = [self._action(text, schema, by_name) for text in self._codes]
             for text, name in self._names.items():
@@ -348,6 +358,16 @@ class _Table:
             with blamed(path, f"line {group.last_line}"):
                 episodes.append(self._episode(group, numbers_of_codes, masks))
         return tuple(episodes), schema
+
+    def _take_indices(self, schema: Schema | None) -> None:
+        """Take actions 1.0 for indices, where they have names and set no levels."""
+        known = {*self._log.actions}
+        if schema is not None:
+            known = {*schema.actions, *(str(n) for one in schema.controls for n in one.levels)}
+        are_floats = all(map(_FLOAT_INDEX.fullmatch, self._codes))
+        if are_floats and (known or self._names) and not known >= self._codes.keys():
+            self._codes = {text[:-2]: code for text, code in self._codes.items()}
+            self._names = {text[:-2]: name for text, name in self._names.items()}
 
     def _made_features(self) -> Iterator[Feature]:
         """Yield the features, one for each category of a nominal column of more than two."""
@@ -366,29 +386,16 @@ class _Table:
         texts = tuple(self._codes)
         if self._log.actions:
             return self._log.actions
-        if self._are_quantities():
+        if are_quantities(self._codes, self._names):
             return tuple({float(text): text for text in sorted(texts, key=float)}.values())
         if all(map(str.isdecimal, texts)):
-            large = [text for text in texts if not _INDEX.fullmatch(text) or int(text) >= MAX_NAMES]
+            large = [text for text in texts if not INDEX.fullmatch(text) or int(text) >= MAX_NAMES]
             if large:
                 raise InvalidArgumentError(f"must be an index below {MAX_NAMES:,}, got {large[0]}")
             unnamed = numbered_actions(max(map(int, texts), default=0) + 1)
             names = {int(text): name for text, name in self._names.items()}
             return tuple(names.get(k, name) for k, name in enumerate(unnamed))
-        return texts
-
-    def _are_quantities(self) -> bool:
-        """Return whether the actions are numbers, such as 0 and 1500, that are no indices.
-
-        Indices are named beside, or small, or half of those up to the largest are there at least.
-        """
-        texts = self._codes
-        if self._names or not texts or not all(map(is_quantity, texts)):
-            return False
-        highest = max(map(float, texts))
-        if not all(map(_INDEX.fullmatch, texts)):
-            return highest < 2**53  # above it two whole numbers may be one
-        return highest >= max(2 * len(texts), SMALL)
+        return tuple(self._names.get(text, text) for text in texts)
 
     def _action(self, text: str, schema: Schema, by_name: bool) -> int:
         """Return the action of a text: an index, or else a name; if ``by_name``, a name first.
@@ -396,7 +403,7 @@ class _Table:
         What is neither may be a level, where the actions set one quantity.
         """
         names = schema.actions
-        is_index = _INDEX.fullmatch(text) and int(text) < len(names)
+        is_index = INDEX.fullmatch(text) and int(text) < len(names)
         if by_name and text not in names and is_quantity(text):  # 0 and 0.0 are one quantity
             same = (name for name in names if is_quantity(name) and float(name) == float(text))
             text = next(same, text)
@@ -413,8 +420,6 @@ class _Table:
     def _observations(self, group: _EpisodeRows) -> Floats:
         """Return the observations of an episode, categories as features of their own, [T, d]."""
         values = np.frombuffer(group.observations).reshape(-1, len(self._features))
-        if not self._categories:
-            return values[:, self._order]
         columns: list[Floats] = []
         for column, numbers in zip(self._features, values.T, strict=True):
             codes = self._categories.get(column)
@@ -443,19 +448,12 @@ class _Table:
             truncated=truncated,
             seed=int(seed) if seed else None,
             ending=facts.get("ending", ""),
-            is_success=_truth(facts, "is_success"),
-            kept=_truth(facts, "kept") is not False,
+            is_success=truth(facts, "is_success"),
+            kept=truth(facts, "kept") is not False,
             has_rewards=group.has_rewards,
             steps={} if allowed.all() else {ALLOWED: allowed},
             extras={DROPPED: int(actions[-1])} if dropped else {},
         )
-
-
-def _truth(row: dict[str, str], column: str) -> bool | None:
-    text = row.get(column, "").lower()
-    if text not in _TRUTH:
-        raise InvalidArgumentError(f"{column} must be true or false, got {text!r}")
-    return _TRUTH[text]
 
 
 def write_csv(path: str | Path, episodes: Sequence[Episode], schema: Schema) -> None:

@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from eutree.data.episode import Episode
 from eutree.data.journal import EpisodeJournal, recover_episode
 from eutree.errors import FileError, FormatError, InvalidArgumentError, blamed
+from eutree.features import Derivation
 from eutree.files import Document, atomic, read_document
 from eutree.files.arrays import MAX_ARCHIVE, decode_archive, encode_archive
 from eutree.files.documents import encode_document
@@ -194,7 +195,8 @@ class DemonstrationFolder:
             raise InvalidArgumentError(
                 f"{self.path} holds demonstrations of {mine}, not of {other}; choose another folder"
             )
-        if self.schema != schema and not schema.is_unnamed_form_of(self.schema):
+        are_derived_alike = Derivation.of(self.schema) == Derivation.of(schema)
+        if not (are_derived_alike and schema.is_unnamed_form_of(self.schema)):
             raise InvalidArgumentError(
                 f"{self.path} holds demonstrations with other features or actions; "
                 "choose another folder"

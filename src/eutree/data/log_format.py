@@ -1,7 +1,7 @@
 """How a machine's log is read: its columns, times, text, empty cells, unmarked episodes."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
@@ -16,6 +16,8 @@ KNOWN = (
 )  # fmt: skip
 MASKED = (*KNOWN, ALLOWED)  # of a table in which an action is masked
 HOLD, LEAVE_OUT = "hold", "drop"
+SMALL = 18  # indices of actions below it are indices, whichever are missing: so many has Atari
+INDEX = re.compile(r"[0-9]{1,5}")
 TIMES = tuple(  # of a time that cannot be read, for a message
     f"{day} {hour}"
     for day in ("%d.%m.%Y", "%d/%m/%Y", "%m/%d/%Y", "%d-%m-%Y", "%Y/%m/%d", "%d.%m.%y")
@@ -25,6 +27,7 @@ _SECONDS = {"s": 1, "min": 60, "h": 3600, "d": 86400}
 _SPAN = re.compile(r"(\d+(?:\.\d+)?)\s*(s|min|h|d)?")
 _UNIT = re.compile(r"(?P<name>.*\S)\s+\((?P<unit>[^()]*)\)")
 _DATE = re.compile(r"\s*\d{1,4}[-./]\d{1,2}[-./]\d{1,4}")
+_TRUTH = {"": None, "true": True, "false": False, "1": True, "0": False}
 _NOTHING = ("", "nan", "na", "n/a", "null")
 
 
@@ -182,6 +185,27 @@ def is_quantity(text: str) -> bool:
         return abs(float(text)) < float("inf") and "_" not in text
     except ValueError:
         return False
+
+
+def are_quantities(texts: Collection[str], names: Mapping[str, str]) -> bool:
+    """Return whether actions are numbers, such as 0 and 1500, that are no indices.
+
+    Indices are named beside, or small, or half of those up to the largest are there at least.
+    """
+    if names or not texts or not all(map(is_quantity, texts)):
+        return False
+    highest = max(map(float, texts))
+    if not all(map(INDEX.fullmatch, texts)):
+        return highest < 2**53  # above it two whole numbers may be one
+    return highest >= max(2 * len(texts), SMALL)
+
+
+def truth(row: Mapping[str, str], column: str) -> bool | None:
+    """Return what a cell says, true or false; None where it says nothing."""
+    text = row.get(column, "").lower()
+    if text not in _TRUTH:
+        raise InvalidArgumentError(f"{column} must be true or false, got {text!r}")
+    return _TRUTH[text]
 
 
 def hint(text: str, column: str) -> str:

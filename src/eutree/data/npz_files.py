@@ -5,7 +5,7 @@ Read are two layouts. Rows: ``obs`` [N, d], ``acts`` or ``actions`` [N], and whe
 ``terminations`` and ``truncations``, as ``dones``, or as ``episode_starts``. Trajectories: ``obs``
 with one more row than ``acts`` for each episode, ``indices`` (where the actions of all but the
 first begin) and ``terminal``. ``infos`` are pickled dictionaries in these files and are not read.
-Written are rows.
+Written are rows. D4RL and d3rlpy call the ends ``terminals``, ``timeouts``, ``episode_terminals``.
 """
 
 from pathlib import Path
@@ -23,9 +23,9 @@ _ALIASES = {
     "acts": ("acts", "actions"),
     "next_obs": ("next_obs", "next_observations"),
     "rews": ("rews", "rewards"),
-    "dones": ("dones",),
-    "terminations": ("terminations",),
-    "truncations": ("truncations",),
+    "dones": ("dones", "episode_terminals"),
+    "terminations": ("terminations", "terminals"),
+    "truncations": ("truncations", "timeouts"),
     "starts": ("episode_starts",),
     "indices": ("indices",),
     "terminal": ("terminal",),
@@ -96,14 +96,7 @@ def write_npz(path: str | Path, episodes: tuple[Episode, ...], n_features: int) 
     write_arrays(path, {name: array for name, array in arrays.items() if known or name != "rews"})
 
 
-def _starts_after(ends: NDArray[Any]) -> NDArray[np.bool_]:
-    """Return whether each row starts an episode, given whether each ends one."""
-    flags = ends.astype(bool)
-    return np.concatenate([[True], flags[:-1]]) if flags.size else flags
-
-
 def _rows(arrays: _Arrays) -> tuple[Episode, ...]:
-    n = len(arrays["obs"])
     dones = arrays.get("dones")
     terminated = arrays.get("terminations")
     truncated = arrays.get("truncations")
@@ -114,24 +107,24 @@ def _rows(arrays: _Arrays) -> tuple[Episode, ...]:
             )
         elif truncated is None:
             truncated = dones.astype(bool) & ~terminated.astype(bool)
-    if "starts" in arrays:
-        starts = arrays["starts"]
-    elif dones is not None:
-        starts = _starts_after(dones)
     elif terminated is not None and truncated is not None:
-        starts = _starts_after(terminated.astype(bool) | truncated.astype(bool))
-    else:
-        starts = np.arange(n) == 0
-    return episodes_from_rows(
+        dones = terminated.astype(bool) | truncated.astype(bool)
+    starts = np.arange(len(arrays["acts"])) == 0
+    if dones is not None:
+        starts[1:] = dones[:-1]
+    episodes = episodes_from_rows(
         arrays["obs"],
         arrays["acts"],
-        starts=starts,
+        starts=arrays.get("starts", starts),
         rewards=arrays.get("rews"),
         next_observations=arrays.get("next_obs"),
         terminated=terminated,
         truncated=truncated,
         action_masks=arrays.get("masks"),
     )
+    if dones is None and "starts" not in arrays and "next_obs" not in arrays:
+        raise InvalidArgumentError("must tell episodes apart, by episode_starts or by dones")
+    return episodes
 
 
 def _trajectories(arrays: _Arrays) -> tuple[Episode, ...]:

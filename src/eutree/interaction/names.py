@@ -85,14 +85,7 @@ class Names(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
                 those of the environment itself in another order.
         """
         own = describe(env)
-        schema = self.of(own)
-        features = schema.measured.feature_names, own.measured.feature_names
-        for mine, theirs in (features, (schema.actions, own.actions)):
-            if mine != theirs and sorted(mine) == sorted(theirs):
-                raise InvalidArgumentError(
-                    f"names must be in the order of the environment's own, {', '.join(theirs)}, "
-                    f"got {', '.join(mine)}"
-                )
+        schema = self.of(own, whose="the environment's own")
         inner: Any = env.unwrapped  # where describe looks for names
         if self.features:
             inner.feature_names = schema.feature_names
@@ -102,27 +95,33 @@ class Names(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
             inner.action_names = self.actions
         return DerivedObservation(env, self.derived) if self.derived else env
 
-    def of(self, schema: Schema) -> Schema:
+    def of(self, schema: Schema, whose: str = "those there") -> Schema:
         """Return a schema with these names, units and kinds in place of its own.
 
-        Derived features that it has keep their names.
+        Derived features that it has keep their names; ``whose`` the others are, a message says.
 
         Raises:
-            InvalidArgumentError: There are not as many names as features or actions, or a kind is
-                none, or not that of the feature.
+            InvalidArgumentError: There are not as many names as features or actions, or they are
+                its own in another order, or a kind is none, or not that of the feature.
             UnknownNameError: A kind is that of no feature.
         """
+        features = tuple(map(Feature.from_label, self.features)) or schema.measured.features
+        actions = self.actions or schema.actions
         for kind, mine, theirs in (
-            ("features", self.features, schema.measured.feature_names),
-            ("actions", self.actions, schema.actions),
+            ("features", tuple(one.name for one in features), schema.measured.feature_names),
+            ("actions", actions, schema.actions),
         ):
-            if mine and len(mine) != len(theirs):
+            if len(mine) != len(theirs):
                 raise InvalidArgumentError(
                     f"names must have one for each of the {len(theirs)} {kind}, "
                     f"{', '.join(theirs)}, got {len(mine)}"
                 )
-        features = tuple(map(Feature.from_label, self.features)) or schema.measured.features
-        return schema.renamed(features, self.actions or schema.actions).with_kinds(self.kinds)
+            if mine != theirs and sorted(mine) == sorted(theirs):
+                raise InvalidArgumentError(
+                    f"names must be in the order of {whose}, {', '.join(theirs)}, "
+                    f"got {', '.join(mine)}"
+                )
+        return schema.renamed(features, actions).with_kinds(self.kinds)
 
 
 def declarations(path: str | Path) -> list[str]:
