@@ -112,8 +112,11 @@ def test_ends_as_d4rl_names_them_end_the_episodes(tmp_path):
     ]  # fmt: skip
 
 
-@pytest.mark.parametrize("known", [{}, {"terminals": [0, 0, 0]}])
-def test_rows_that_do_not_tell_the_episodes_apart_are_refused(tmp_path, known):
+@pytest.mark.parametrize(
+    ("known", "lengths"),
+    [({}, [2]), ({"terminals": [0, 0, 0]}, [2]), ({"terminals": [0, 1, 0]}, [1])],
+)
+def test_rows_are_one_episode_but_where_an_end_is_told(tmp_path, known, lengths):
     np.savez(tmp_path / "log.npz", obs=np.arange(3.0), acts=[0, 1, 0], **known)
-    with pytest.raises(FormatError, match="must tell episodes apart"):
-        Demonstrations.from_npz(tmp_path / "log.npz")
+    episodes = Demonstrations.from_npz(tmp_path / "log.npz").episodes
+    assert [len(one) for one in episodes] == lengths

@@ -107,12 +107,14 @@ def _rows(arrays: _Arrays) -> tuple[Episode, ...]:
             )
         elif truncated is None:
             truncated = dones.astype(bool) & ~terminated.astype(bool)
-    elif terminated is not None and truncated is not None:
-        dones = terminated.astype(bool) | truncated.astype(bool)
+    elif terminated is not None:
+        dones = (
+            terminated if truncated is None else terminated.astype(bool) | truncated.astype(bool)
+        )
     starts = np.arange(len(arrays["acts"])) == 0
     if dones is not None:
         starts[1:] = dones[:-1]
-    episodes = episodes_from_rows(
+    return episodes_from_rows(
         arrays["obs"],
         arrays["acts"],
         starts=arrays.get("starts", starts),
@@ -122,9 +124,6 @@ def _rows(arrays: _Arrays) -> tuple[Episode, ...]:
         truncated=truncated,
         action_masks=arrays.get("masks"),
     )
-    if dones is None and "starts" not in arrays and "next_obs" not in arrays:
-        raise InvalidArgumentError("must tell episodes apart, by episode_starts or by dones")
-    return episodes
 
 
 def _trajectories(arrays: _Arrays) -> tuple[Episode, ...]:
