@@ -8,6 +8,7 @@ import pytest
 
 from eutree.data import Episode
 from eutree.world_model import Transitions
+from eutree.world_model.transitions import earned_nothing, paid_for_places
 
 
 def episode(*places, terminated):
@@ -80,8 +81,8 @@ def test_where_one_early_episode_is_too_long_only_late_ones_are_kept():
 )  # fmt: skip
 def test_nothing_was_earned_where_all_episodes_earned_the_same_and_none_a_gain(rewards, nothing):
     known = replace(transitions(), rewards=np.array(rewards))
-    assert known.earned_nothing == nothing
-    assert not known.until(0).earned_nothing
+    assert earned_nothing(known) == nothing
+    assert not earned_nothing(known.until(0))
 
 
 @pytest.mark.parametrize("d", [1, 2, 4])
@@ -103,4 +104,4 @@ def test_each_place_pays_one_in_all_for_each_pair_of_features(d):
     grids = [*combinations(range(d), 2)] or [(0,)]
     seen = [[tuple(cell[i] for i in grid) for cell in cells] for grid in grids]
     naive = [sum(1 / of_grid.count(of_grid[k]) for of_grid in seen) for k in range(300)]
-    np.testing.assert_allclose(known.paid_for_places().rewards, naive)
+    np.testing.assert_allclose(paid_for_places(known).rewards, naive)

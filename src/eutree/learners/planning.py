@@ -40,7 +40,7 @@ from eutree.trees.edit import graft
 from eutree.validation import check_amounts, check_number
 from eutree.world_model import ActionTree, PairedRollouts, Transitions, countable
 from eutree.world_model.action_trees import from_decision_tree, n_leaves, packed, to_decision_tree
-from eutree.world_model.transitions import seen_as
+from eutree.world_model.transitions import earned_nothing, reached_nothing, seen_as
 
 _AT_RANDOM = 0.25  # share of a blind explorer's episodes in which each action is drawn
 _LOST = 0.5  # share of explorers that are random trees where a single action was shown
@@ -202,8 +202,8 @@ class ModelPlanning:
         if self._differ and not plan.knows_nothing:
             return False
         known = transitions_of(self.history, self.n_actions)
-        self._differ = not known.earned_nothing
-        return not self._differ or (plan.knows_nothing and known.reached_nothing)
+        self._differ = not earned_nothing(known)
+        return not self._differ or (plan.knows_nothing and reached_nothing(known))
 
     def _random_tree(self, generator: np.random.Generator) -> ActionTree:
         """Return a tree of random actions, with thresholds at what was observed.

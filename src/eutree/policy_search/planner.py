@@ -19,6 +19,7 @@ from eutree.policy_search.improvement import Improvement
 from eutree.validation import check_amounts, check_measures, check_number
 from eutree.world_model import ActionTree, PairedRollouts, Transitions, WorldModel, fit_world_models
 from eutree.world_model.action_trees import n_leaves, packed
+from eutree.world_model.transitions import earned_nothing, paid_for_places, reached_nothing
 
 FEWEST_ROLLOUTS = 100  # episodes
 _FEW_OWN = 10  # episodes
@@ -179,7 +180,7 @@ class Planner:
         plan = self._without_invalid(plan, data, generator)
         known = data.since(plan.valid_from).recent(self.max_transitions)
         unguided = not plan.demonstrations and not known.counted
-        if unguided and data.earned_nothing:
+        if unguided and earned_nothing(data):
             return self._curious(plan, known, generator)
         levels, most = (self.pessimism, self.optimism), (self.n_episodes, self.n_explorer_episodes)
         pessimistic, optimistic = self._rollouts(known, levels, most, generator)
@@ -201,7 +202,7 @@ class Planner:
             guide = explorer if self._explorers_lead(plan, data) else None
         challenger = self._challenger(replace(plan, explorer=guide), known, pessimistic)
         taken = pessimistic.n_steps_taken + optimistic.n_steps_taken
-        if unguided and plan.knows_nothing and data.reached_nothing:
+        if unguided and plan.knows_nothing and reached_nothing(data):
             curious = self._curious(plan, known, generator)
             explorer, taken = curious.explorer, taken + curious.model_steps
         return replace(
@@ -218,7 +219,7 @@ class Planner:
         world as it was shown as well: imagined there, its return is nearer to the real one.
         """
         n, own, returns = plan.demonstrations, plan.own_episodes, data.episode_returns
-        if n and own and data.earned_nothing:
+        if n and own and earned_nothing(data):
             return replace(plan, incumbent_episodes=own, demonstrations=0)
         shown, earned = returns[:n], returns[list(own)]
         lead = lead_apart(earned, shown)
@@ -238,7 +239,7 @@ class Planner:
         self, plan: Planned, known: Transitions, generator: np.random.Generator
     ) -> Planned:
         """Return the plan with an explorer of what was seldom visited, and no challenger."""
-        paid, most = known.paid_for_places(), self.n_explorer_episodes
+        paid, most = paid_for_places(known), self.n_explorer_episodes
         (hopeful,) = self._rollouts(paid, (self.optimism,), (most,), generator)
         base = plan.explorer or plan.incumbent
         explorer = self.improvement.improve(hopeful, base, paid.typical_return, begin=True)

@@ -101,18 +101,6 @@ class Transitions:
         return self.returns_to_go[self.first]
 
     @property
-    def earned_nothing(self) -> bool:
-        """Whether all episodes earned the same, and nothing: none tells what is better."""
-        returns = self.episode_returns
-        alike = returns.size and np.ptp(returns) <= _ALIKE * np.abs(returns).max()
-        return bool(alike and returns[0] <= 0.0)
-
-    @property
-    def reached_nothing(self) -> bool:
-        """Whether each episode was cut, and none earned a gain."""
-        return not self.terminated.any() and bool((self.episode_returns <= 0.0).all())
-
-    @property
     def typical_return(self) -> float:
         """The mean size of a return, above 0: the unit of prices.
 
@@ -194,19 +182,6 @@ class Transitions:
             episodes=np.concatenate([self.episodes, *numbers]),
         )
 
-    def paid_for_places(self) -> "Transitions":
-        """Return the transitions, each paid for how seldom the place that it led to was visited.
-
-        For each pair of features, each cell of a grid pays one in all, shared by its visits.
-        """
-        places = self.next_observations
-        low, span = places.min(axis=0), np.ptp(places, axis=0)
-        parts = (places - low) / np.where(span > 0.0, span, 1.0) * _PARTS
-        columns = np.minimum(parts, _PARTS - 1).astype(np.int64).T
-        pairs = [*itertools.combinations(columns, 2)] or [(columns[0], 0)]
-        cells = [_PARTS * one + other for one, other in pairs]
-        return replace(self, rewards=sum(1.0 / np.bincount(cell)[cell] for cell in cells))
-
     def _of(self, rows: slice | Booleans) -> "Transitions":
         names = ("observations", "actions", "rewards", "next_observations", "terminated",
                  "episodes")  # fmt: skip
@@ -227,3 +202,32 @@ def seen_as(derivation: Derivation, data: Transitions) -> Transitions:
         next_observations=derivation.behind(data.next_observations),
         derivation=derivation if complete else NOTHING_DERIVED,
     )
+
+
+# Where returns tell nothing, the places that were visited may. ------------------------------------
+
+
+def earned_nothing(data: Transitions) -> bool:
+    """Return whether all episodes earned the same, and no gain: none tells what is better."""
+    returns = data.episode_returns
+    alike = returns.size and np.ptp(returns) <= _ALIKE * np.abs(returns).max()
+    return bool(alike and returns[0] <= 0.0)
+
+
+def reached_nothing(data: Transitions) -> bool:
+    """Return whether each episode was cut, and none earned a gain."""
+    return not data.terminated.any() and bool((data.episode_returns <= 0.0).all())
+
+
+def paid_for_places(data: Transitions) -> Transitions:
+    """Return the transitions, each paid for how seldom the place that it led to was visited.
+
+    For each pair of features, each cell of a grid pays one in all, shared by its visits.
+    """
+    places = data.next_observations
+    low, span = places.min(axis=0), np.ptp(places, axis=0)
+    parts = (places - low) / np.where(span > 0.0, span, 1.0) * _PARTS
+    columns = np.minimum(parts, _PARTS - 1).astype(np.int64).T
+    pairs = [*itertools.combinations(columns, 2)] or [(columns[0], 0)]
+    cells = [_PARTS * one + other for one, other in pairs]
+    return replace(data, rewards=sum(1.0 / np.bincount(cell)[cell] for cell in cells))
