@@ -147,7 +147,9 @@ class ModelPlanning:
         self._locked = frozenset(locked)  # leaves that stay as they are, without exploration
         self._steps = EpisodeBuffer()
         self._acting: ActionTree | None = None
-        self._differ = False  # whether two episodes earned unlike; asked as long as none did
+        # Whether two episodes earned unlike, or a gain, and whether one ended or earned a gain:
+        # once true, true for good, but where episodes are forgotten.
+        self._differ = self._reached = False
         self._tried: set[tuple[bytes, int]] = set()  # by an explorer, in the present episode
         if start.episodes:
             self.add_demonstrations(start.episodes)
@@ -199,11 +201,11 @@ class ModelPlanning:
         plan = self.plan
         if plan.explorer is None or plan.demonstrations or self._counts:
             return False
-        if self._differ and not plan.knows_nothing:
+        if self._differ and (self._reached or not plan.knows_nothing):
             return False
         known = transitions_of(self.history, self.n_actions)
-        self._differ = not earned_nothing(known)
-        return not self._differ or (plan.knows_nothing and reached_nothing(known))
+        self._differ, self._reached = not earned_nothing(known), not reached_nothing(known)
+        return not self._differ or (plan.knows_nothing and not self._reached)
 
     def _random_tree(self, generator: np.random.Generator) -> ActionTree:
         """Return a tree of random actions, with thresholds at what was observed.
@@ -256,7 +258,7 @@ class ModelPlanning:
             self.plan = self.plan.with_episode(episode, incumbent=self._proves_itself)
         kept = self.history.forget()
         if kept is not None:
-            self._differ = False
+            self._differ = self._reached = False
             self.plan = self.plan.keeping(kept)
 
     def discard_episode(self) -> None:

@@ -179,8 +179,8 @@ class Planner:
         n_new = (len(data.episodes) if n_seen is None else n_seen) - plan.planned_at
         plan = self._without_invalid(plan, data, generator)
         known = data.since(plan.valid_from).recent(self.max_transitions)
-        unguided = not plan.demonstrations and not known.counted
-        if unguided and earned_nothing(data):
+        unshown = not plan.demonstrations and not known.counted
+        if unshown and earned_nothing(data):
             return self._curious(plan, known, generator)
         levels, most = (self.pessimism, self.optimism), (self.n_episodes, self.n_explorer_episodes)
         pessimistic, optimistic = self._rollouts(known, levels, most, generator)
@@ -202,7 +202,7 @@ class Planner:
             guide = explorer if self._explorers_lead(plan, data) else None
         challenger = self._challenger(replace(plan, explorer=guide), known, pessimistic)
         taken = pessimistic.n_steps_taken + optimistic.n_steps_taken
-        if unguided and plan.knows_nothing and reached_nothing(data):
+        if unshown and plan.knows_nothing and reached_nothing(data):
             curious = self._curious(plan, known, generator)
             explorer, taken = curious.explorer, taken + curious.model_steps
         return replace(
