@@ -61,3 +61,11 @@ def test_a_copy_decides_by_kernels_that_are_compiled_already(values, how):
     known = list(_kernels.locate.signatures)
     np.testing.assert_array_equal(COPIES[how](policy).predict(demos.observations)[0], decided)
     assert _kernels.locate.signatures == known
+
+
+@pytest.mark.parametrize("how", COPIES)
+def test_equal_policies_are_one_entry_of_a_set(values, how):
+    policy, *_ = values
+    other = replace(policy, actions=(policy.actions + 1) % policy.schema.n_actions)
+    assert {policy, COPIES[how](policy), other} == {policy, other}
+    assert len({policy, COPIES[how](policy), other}) == 2

@@ -144,10 +144,11 @@ def test_the_first_thing_that_is_seen_is_observed(line):
     assert path.states.tolist() == [[0.5], [0.25]]
 
 
-def test_a_number_that_never_changes_is_observed_as_one(line):
+@pytest.mark.parametrize("still", [Intervals.of(0.5), 0.5])
+def test_a_number_that_never_changes_is_observed_as_one(line, still):
     class Twice(LinePlant):
         def observe(self, state: Any) -> Any:
-            return [-state[0], Intervals.of(0.5)]
+            return [-state[0], still]
 
     box = gymnasium.spaces.Box(-100.0, 100.0, (2,), np.float64)
     shown = staticmethod(lambda place: np.append(-place, 0.5))

@@ -84,6 +84,16 @@ def test_the_page_says_how_the_policy_did_at_the_end(folder):
     assert "The tree</h2>" in page
 
 
+def test_where_another_tree_is_handed_over_the_last_evaluation_is_of_learning(folder):
+    last = {"event": "evaluation", "steps": 900, "episode": 60, "n_leaves": 9, "mean_return": 80.0}
+    front = {"event": "front", "steps": 900, "front": [], "picked": 5}
+    with (folder / "events.jsonl").open("a") as log:
+        log.writelines(json.dumps(one) + "\n" for one in (last, front))
+    assert report_of_run(folder).notes[0] == (
+        "At the end of learning mean return 80.00 with 9 leaves."
+    )
+
+
 def test_a_run_without_teacher_and_races_has_a_page_too(folder):
     event = {"event": "expansion", "episode": 1, "steps": 10, "n_leaves": 2, "splits": []}
     (folder / "events.jsonl").write_text(json.dumps(event) + "\n")

@@ -429,4 +429,6 @@ class TreePolicy(Displayed, Frozen):
             and mine == theirs
         )
 
-    __hash__ = object.__hash__
+    def __hash__(self) -> int:
+        """Return the same for equal policies."""
+        return hash(self.actions.tobytes())

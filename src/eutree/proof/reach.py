@@ -91,7 +91,7 @@ class Acting:
 
     def __call__(self, state: State) -> Integers:
         """Return which actions are possible in boxes, a bit for each action, shape [N]."""
-        seen = self._plant.observe(state)
+        seen = [*map(Intervals.of, self._plant.observe(state))]
         if self._formulas:
             seen = [*seen, *self._derived(seen)]
         size = np.shape(state[0].low)
@@ -105,7 +105,7 @@ class Acting:
 
     def _derived(self, measured: State) -> list[Intervals]:
         """Return what is derived of the numbers that the tree sees of the measured ones."""
-        known = [rounded(Intervals.of(one), self._plant.precision) for one in measured]
+        known = [rounded(one, self._plant.precision) for one in measured]
         known += known[:1] * (self._n_features - len(known))  # no test asks for those left so
         for j, formula in self._formulas.items():  # none has a last(...): see Plant.check_fits
             known[j] = Intervals.of(formula.compute(known, known.__getitem__, _OPERATIONS))

@@ -117,8 +117,10 @@ def _last_evaluation(events: Sequence[Event]) -> list[str]:
         return []
     success, earned = found.get("success_rate"), found["mean_return"]
     succeeded = "" if success is None else f"{success:.0%} success, ".replace("%", " %")
+    # The tree that is handed over may be another one of the front.
+    learning = "" if _last(events, "front") is None else "of learning "
     return [
-        f"At the end {succeeded}mean return {earned:{fixed(2, [earned])}} "
+        f"At the end {learning}{succeeded}mean return {earned:{fixed(2, [earned])}} "
         f"with {found['n_leaves']:,} leaves."
     ]
 
