@@ -8,9 +8,11 @@ import pytest
 
 from eutree.interaction.spaces import describe
 from eutree.policy_search.cells import best_by_counts, curious_by_counts
+from eutree.policy_search.improvement import Improvement
+from eutree.policy_search.planner import Planned, Planner
 from eutree.schema import Schema
 from eutree.world_model import PairedRollouts, Transitions, countable, fit_counted_world
-from eutree.world_model.action_trees import nested, packed
+from eutree.world_model.action_trees import n_leaves, nested, packed
 from eutree.world_model.counted import deviance, shortest_tree
 from tests.naive_world_model import act
 
@@ -138,6 +140,16 @@ def test_the_best_by_counts_is_the_best():
     assert earned == pytest.approx(OPTIMUM, abs=0.03)
 
 
+def test_the_best_by_counts_does_not_put_off_for_ever_what_nothing_is_lost_by():
+    """Undiscounted, to push against the wall is worth as much as to walk to the present."""
+    rows = [(s, 0, 0.0, max(s - 1, 0), False) for s in range(8)]
+    rows += [(s, 1, float(s == 7), min(s + 1, 7), s == 7) for s in range(8)]
+    data = of_rows(rows * 5, 2)
+    data = replace(data, episodes=np.arange(len(data.episodes)) // 16)
+    policy = nested(best_by_counts(data, 1.0))
+    assert [act(policy, [square]) for square in range(8)] == [1] * 8
+
+
 def test_the_curious_go_to_what_was_seldom_tried():
     rows = [(s, 1, 0.0, min(s + 1, 3), False) for s in range(4) for _ in range(9)]
     rows += [(s, 0, 1.0, max(s - 1, 0), False) for s in range(4) for _ in range(9 if s < 3 else 2)]
@@ -145,3 +157,16 @@ def test_the_curious_go_to_what_was_seldom_tried():
     curious, best = (nested(one) for one in (curious_by_counts(data), best_by_counts(data, 0.9)))
     assert [act(curious, [s]) for s in range(4)] == [1, 1, 1, 0]
     assert [act(best, [s]) for s in range(4)] == [0, 0, 0, 0]
+
+
+@pytest.mark.parametrize(("limit", "found"), [(None, 60), (20, 20)])
+def test_a_tree_of_codes_has_as_many_leaves_as_it_needs_where_none_are_named(limit, found):
+    """A taxi needs 79, and with 40 it leaves passengers standing."""
+    walk = [(s, s % 2, 1.0, s + 1, s == 59) for s in range(60)]
+    falls = [(s, 1 - s % 2, -1.0, s, True) for s in range(60)]
+    own = np.append(np.zeros(60, dtype=int), np.arange(1, 61))  # the walk is one episode
+    episodes = (own + 61 * np.arange(20)[:, np.newaxis]).ravel()
+    data = replace(of_rows((walk + falls) * 20, 2), episodes=episodes)
+    planner = Planner(improvement=Improvement(max_leaves=limit))
+    plan = planner.plan(Planned(packed(0)), data, np.random.default_rng(0))
+    assert n_leaves(plan.challenger) == found

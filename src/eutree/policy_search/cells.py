@@ -15,13 +15,18 @@ from eutree.world_model.counted import CountedSteps
 
 PRECISION = 1e-5  # below which two actions are worth the same, in parts of the largest reward
 ENOUGH = 5  # trials
+LATER = 0.1  # of a return is lost at most within an episode, so that of equal ways the shorter wins
 CURIOUS = 0.99  # discount of explorers: what is not known and near is tried first
 _WHOLE = C45Settings(use_penalty=False, prune=False, min_objects=1)
 
 
 def best_by_counts(data: Transitions, discount: float) -> ActionTree:
-    """Return the tree of the actions that are worth most by what was counted, one a cell."""
-    return _solved(data, discount, None)
+    """Return the tree of the actions that are worth most by what was counted, one a cell.
+
+    Undiscounted, to put off for ever what will be is worth as much as to do it; episodes end.
+    """
+    longest = max(data.horizon(), data.longest())
+    return _solved(data, 1.0 - LATER / longest if discount == 1.0 else discount, None)
 
 
 def curious_by_counts(data: Transitions) -> ActionTree:

@@ -21,6 +21,7 @@ from eutree.world_model import ActionTree, PairedRollouts
 from eutree.world_model.action_trees import Nested, n_leaves, nested, packed, with_box, with_child
 
 MOST_BOXES = 12
+MOST_LEAVES, MOST_OF_CODES = 40, 100  # where none are named
 SHIFTS = (0.02, 0.05, 0.1, 0.2, 0.4)
 FEW = 20
 OTHERS = 2  # other actions up to which all are tried at as many steps
@@ -48,18 +49,27 @@ class Improvement:
         deviations: Steps at which single deviations are tried, at most; with more than three
             actions so many fewer that no more deviations are tried than with three.
         min_rows: Fewest deviations inside a box.
-        max_leaves: Most leaves of the tree.
+        max_leaves: Most leaves of the tree; None for 40, or where codes are counted for 100.
     """
 
     rounds: int = 1
     price: float = 0.002
     deviations: int = 6000
     min_rows: int = 8
-    max_leaves: int = 40
+    max_leaves: int | None = None
 
     def __post_init__(self) -> None:
         check_amounts(self, rounds=1, deviations=1, min_rows=1, max_leaves=2)
         check_number("price", self.price, low=0.0)
+
+    @property
+    def most_leaves(self) -> int:
+        """Most leaves of a tree that grew by changes."""
+        return MOST_LEAVES if self.max_leaves is None else self.max_leaves
+
+    def of_codes(self) -> "Improvement":
+        """Return the same for trees of codes, which are not grown but solved for, whole."""
+        return replace(self, max_leaves=self.max_leaves or MOST_OF_CODES)
 
     def improve(
         self, rollouts: PairedRollouts, policy: ActionTree, scale: float, *, begin: bool = False
@@ -87,7 +97,7 @@ class Improvement:
         Cut to size, a policy may grow again by a few leaves that cost nothing and is cut once more:
         so leaves move to where they earn most. Arguments are those of ``improve``.
         """
-        wide = replace(self, price=0.0, max_leaves=self.max_leaves + GROWN)
+        wide = replace(self, price=0.0, max_leaves=self.most_leaves + GROWN)
         rollouts.redraw()
         rollouts.run(policy)
         for cycle in range(CYCLES):
@@ -101,7 +111,7 @@ class Improvement:
 
     def cut(self, rollouts: PairedRollouts) -> None:
         """Cut the policy to size: the node first by which least is lost, thresholds moved after."""
-        while n_leaves(rollouts.policy) > self.max_leaves:
+        while n_leaves(rollouts.policy) > self.most_leaves:
             policy = rollouts.policy
             most, chosen = -np.inf, policy
             for node in np.flatnonzero(policy.feature >= 0).tolist():
@@ -136,7 +146,7 @@ class Improvement:
                 needed = price * (n_leaves(challenger) - 1)
                 gain = rollouts.gain(challenger, hopeless=needed + most)
                 passes = gain.complete and gain.mean - gain.error > needed
-                if passes and n_leaves(challenger) <= self.max_leaves and gain.mean - needed > most:
+                if passes and n_leaves(challenger) <= self.most_leaves and gain.mean - needed > most:
                     most, chosen = gain.mean - needed, challenger
         if chosen is not None:
             rollouts.run(chosen)
@@ -151,7 +161,7 @@ class Improvement:
             if leaf in changes:
                 continue
             challenger = packed(nested(base, instead={**changes, leaf: change}))
-            if n_leaves(challenger) > self.max_leaves:
+            if n_leaves(challenger) > self.most_leaves:
                 continue
             needed = price * (n_leaves(challenger) - n_leaves(rollouts.policy))
             gain = rollouts.gain(challenger, hopeless=needed)

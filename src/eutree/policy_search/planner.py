@@ -275,7 +275,7 @@ class Planner:
 
         rollouts.redraw()
         rollouts.run(cells.best_by_counts(known, self.discount))
-        self.improvement.cut(rollouts)
+        self.improvement.of_codes().cut(rollouts)
         return cells.curious_by_counts(known), rollouts.policy
 
     def _affordable(self, data: Transitions) -> int:
@@ -365,13 +365,14 @@ class Planner:
         model prefers nothing, the tree of such an episode is on trial as it is.
         """
         begin, scale = plan.knows_nothing, known.typical_return
-        best = self.improvement.improve(pessimistic, plan.incumbent, scale, begin=begin)
+        improvement = self.improvement.of_codes() if known.counted else self.improvement
+        best = improvement.improve(pessimistic, plan.incumbent, scale, begin=begin)
         bases = [plan.challenger, plan.corrected, plan.explorer]
         if n_leaves(best) == 1 and (begin or _has_shown_all(plan)):
             bases += [] if begin else map(packed, range(known.n_actions))
             bases += restarts(known, max_leaves=_FIRST_LEAVES)
         for base in filter(None, bases):
-            challenger = self.improvement.improve(pessimistic, base, scale, begin=begin)
+            challenger = improvement.improve(pessimistic, base, scale, begin=begin)
             pessimistic.redraw()
             pessimistic.run(best)
             if pessimistic.gain(challenger).mean > 0.0:
