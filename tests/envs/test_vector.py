@@ -145,6 +145,8 @@ def test_wrong_resets() -> None:
         EvasionVectorEnv(0)
     with pytest.raises(InvalidArgumentError, match="render_mode must be None"):
         EvasionVectorEnv(2, render_mode="human")
+    with pytest.raises(InvalidArgumentError, match="options must have no reset_mask"):
+        env.reset(options={"reset_mask": np.array([True, False])})
 
 
 def test_answers_are_fresh_arrays() -> None:

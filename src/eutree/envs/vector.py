@@ -111,8 +111,10 @@ class EvasionVectorEnv(VectorEnv[Floats, Integers, Any]):
 
         Args:
             seed: One seed per copy (None keeps its generator), or an int s for s, s + 1, ...
-            options: None are known.
+            options: None are known; copies cannot be reset apart.
         """
+        if options and "reset_mask" in options:
+            raise InvalidArgumentError("options must have no reset_mask: all copies begin together")
         self._seed(seed)
         every = np.ones(self.num_envs, dtype=np.bool_)
         self._draw(every)

@@ -236,10 +236,7 @@ class TreePolicy(Displayed, Frozen):
             return known
         return Derivation(self.observation_size)  # callers that hand in the past have derived it
 
-    @cached_property
-    def _action_list(self) -> list[int]:
-        actions: list[int] = self.actions.tolist()
-        return actions
+    _action_list = cached_property(lambda policy: policy.actions.tolist())  # of plain ints
 
     def save(self, path: str | Path) -> None:
         """Write the policy to a file that ``load`` reads; see docs/formats.
@@ -306,7 +303,7 @@ class TreePolicy(Displayed, Frozen):
             features: Numbers of one step, in the schema's order.
             allowed: Which actions are allowed, shape [A]; None for all.
         """
-        actions = self._action_list
+        actions: list[int] = self._action_list
         leaf = self.tree.leaf_of(features)
         if allowed is None or allowed[actions[leaf]]:
             return actions[leaf]
