@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from eutree.arrays import Booleans, Floats, Integers
+from eutree.errors import InvalidArgumentError
 from eutree.formulas import Formula, parse
 from eutree.schema import Schema
 from eutree.validation import check_integer
@@ -37,9 +38,14 @@ def threshold_between(low: float, high: float) -> float:
     return middle if low <= middle < high else low
 
 
-def _begins(starts: ArrayLike | None, rows: Floats) -> Booleans:
+def _begins(starts: ArrayLike | None, rows: Floats, state: Floats | None, size: int) -> Booleans:
     """Return whether each row [..., d] begins its episode, [..., 1]; a list may say it of one."""
+    shape = rows.shape[:-1]
     begins = np.asarray(False if starts is None else starts, dtype=bool)
+    told = ("state", state, [(*shape, size)]), ("episode_start", begins, [shape, shape or (1,), ()])
+    for name, got, fits in told:
+        if got is not None and np.shape(got) not in fits:
+            raise InvalidArgumentError(f"{name} must have shape {fits[0]}, got {np.shape(got)}")
     return begins.reshape(1) if rows.ndim == 1 else begins[..., np.newaxis]
 
 
@@ -100,8 +106,9 @@ class Derivation:
         fresh = self.rows(measured)
         if state is None or not self.remembered:
             return fresh
-        after = self.rows(measured, state[..., : fresh.shape[-1]])
-        return np.where(_begins(starts, fresh), fresh, after)
+        size = max((fresh.shape[-1], *np.shape(state)[-1:]))  # more may follow these rows
+        begins = _begins(starts, fresh, state, size)
+        return np.where(begins, fresh, self.rows(measured, state[..., : fresh.shape[-1]]))
 
     def of_episode(self, measured: Floats) -> Floats:
         """Return the observations of an episode [T + 1, m] with derived features, [T + 1, d]."""
@@ -193,13 +200,12 @@ class FeatureMap:
             observation: Shape [..., d].
             starts: Whether each observation is the first of its episode; None for none.
         """
-        fresh = self.first(observation)
+        fresh, size = self.first(observation), self.n_features
+        begins = _begins(starts, fresh, state, size + bool(self.actions))
         if state is None:
             return fresh
-        size = self.n_features
         action = state[..., size:].astype(np.int64).sum(axis=-1)  # none where none is remembered
-        features = self.next(state[..., :size], action, observation)
-        return np.where(_begins(starts, fresh), fresh, features)
+        return np.where(begins, fresh, self.next(state[..., :size], action, observation))
 
     def of_episode(self, observations: Floats, actions: Integers) -> Floats:
         """Return the features at every observation of an episode, shape [T + 1, n_features].

@@ -20,7 +20,6 @@ from eutree.validation import check_integer, check_kind, check_listed
 MAX_FEATURES = 10_000  # the past included
 MAX_ACTIONS = 1_000  # learners hold tables of leaves x actions, and C4.5 of actions x cuts
 
-
 _LABEL = re.compile(r"(?P<name>.*?)(?: \[(?P<unit>[^\]]*)\])?", re.DOTALL)
 # Names that say nothing; up to release 0.1 they had blanks, and tuples had bare numbers.
 _NUMBERED = re.compile(r"x?\d+(\.x?\d+)*(, \d+ ago)?|did action[ _]\d+, \d+ ago")
@@ -107,11 +106,6 @@ class Feature:
         return number(value, decimals_of(usual_width(self.low, self.high, [value])))
 
 
-def _like(mine: Feature, theirs: Feature) -> Feature:
-    """Return a feature, as the other is called where it is a category that has only a number."""
-    return replace(mine, name=theirs.name) if mine.group and mine.category.isdecimal() else mine
-
-
 def _of_kind(feature: Feature, kind: str | Sequence[str]) -> Feature:
     """Return a feature of a kind: a flag, an integer, or a code whose values have names."""
     if kind == "integer":
@@ -133,12 +127,6 @@ def _of_kind(feature: Feature, kind: str | Sequence[str]) -> Feature:
             )
     categories = () if isinstance(kind, str) else tuple(kind)
     return replace(feature, low=low, high=high, is_integer=True, categories=categories)
-
-
-def _derived(declaration: str) -> Feature:
-    """Return the derived feature of a declaration, with the unit that it names."""
-    label, formula = declared(declaration)
-    return replace(Feature.from_label(label), formula=formula)
 
 
 @dataclass(frozen=True)
@@ -275,8 +263,10 @@ class Schema:
             UnknownNameError: A formula names no feature before it.
         """
         schema = self
-        for declaration in check_listed("derived features", declarations):
-            feature = declaration if isinstance(declaration, Feature) else _derived(declaration)
+        for feature in check_listed("derived features", declarations):
+            if not isinstance(feature, Feature):
+                label, text = declared(feature)
+                feature = replace(Feature.from_label(label), formula=text)
             if feature.name in schema.feature_names:
                 raise InvalidArgumentError(
                     f"a derived feature must have a name of its own, got {shown(feature.name)}"
@@ -335,6 +325,7 @@ class Schema:
         if not self._names_fit(other, either=either):
             hint = "; names of a file are given here, too, by --names, or kept by demos rename"
             alike = len(self.features) in (len(other.features), len(other.measured.features))
+            alike = alike and self._bounds_fit(other)  # else other names would not help
             raise InvalidArgumentError(
                 f"{what} must have the features and actions of {of}, {list(self.feature_names)} "
                 f"and {list(self.actions)}, got {list(other.feature_names)} and "
@@ -410,21 +401,32 @@ class Schema:
             return False
         named = self
         if self.groups and self.groups == other.groups:  # of codes that have names there
-            named = replace(self, features=tuple(map(_like, self.features, other.features)))
+            features = (
+                replace(a, name=b.name) if a.group and a.category.isdecimal() else a
+                for a, b in zip(self.features, other.features, strict=False)
+            )
+            named = replace(self, features=tuple(features))
         return all(
             mine == theirs
             or (
                 len(mine) == len(theirs)
+                and fits
                 and any(
                     all(map(numbered.fullmatch, names)) for names in (mine, theirs)[: 1 + either]
                 )
                 and len(self.derived) == len(other.derived)
             )
-            for mine, theirs, numbered in (
-                (named.feature_names, other.feature_names, _NUMBERED),
-                (self.actions, other.actions, _NUMBERED_ACTION),
+            for mine, theirs, numbered, fits in (
+                (named.feature_names, other.feature_names, _NUMBERED, self._bounds_fit(other)),
+                (self.actions, other.actions, _NUMBERED_ACTION, True),
             )
         )
+
+    def _bounds_fit(self, other: "Schema") -> bool:
+        """Return whether bounds are the same where both are known; of features without names."""
+        pairs = zip(self.features, other.features, strict=False)
+        ends = (ends for a, b in pairs for ends in ((a.low, b.low), (a.high, b.high)))
+        return all(mine == theirs or math.inf in map(abs, (mine, theirs)) for mine, theirs in ends)
 
     @classmethod
     def anonymous(cls, n_features: int, n_actions: int) -> "Schema":

@@ -9,21 +9,28 @@ from gymnasium.wrappers import (
     FlattenObservation,
     FrameStackObservation,
     MaxAndSkipObservation,
+    NormalizeObservation,
     RecordEpisodeStatistics,
+    RescaleObservation,
+    TimeAwareObservation,
     TimeLimit,
     TransformAction,
     TransformObservation,
     TransformReward,
 )
 
-from eutree.errors import InvalidArgumentError, UnsupportedSpaceError
+import eutree
+from eutree.errors import InvalidArgumentError, RunFolderError, UnsupportedSpaceError
 from eutree.interaction import GuardedEnv
 from eutree.interaction.making import make
+from eutree.interaction.names import Names
 from eutree.interaction.spaces import decoder, describe, encoder, spec_of
 from eutree.recording.keys import keys_of_environment
+from eutree.trees import DecisionTree
 from tests.interaction.sick import Healthy
 from tests.interaction.versions import CLIFF
 
+pytestmark = pytest.mark.filterwarnings("ignore:.*precision lowered")  # of bounds, by Gymnasium
 LIMITED = {"max_episode_steps": 100}
 SPACES = {
     "box": (spaces.Box(-1, 1, (2,), np.float32), ["x0", "x1"], [-1, -1], [1, 1]),
@@ -104,6 +111,108 @@ def test_names_of_what_a_wrapper_replaced_are_left_out():
     env.unwrapped.feature_names = ["place", "speed", "tilt", "turn rate"]
     seen = TransformObservation(env, lambda one: one[:2], spaces.Box(-9, 9, (2,)))
     assert describe(seen).feature_names == ("x0", "x1")
+
+
+class Gate(Healthy):
+    """Names its numbers, of which the second is a flag."""
+
+    feature_names = ("place", "open")
+    feature_units = ("m", "")
+    feature_kinds = {"open": "flag"}  # noqa: RUF012 - as an environment declares it
+    observation_space = spaces.Box(np.float32([-1.0, 0.0]), np.float32([1.0, 1.0]))
+
+
+def told(env):
+    return [(one.name, one.unit, one.is_integer) for one in describe(env).features]
+
+
+UNNAMED = [("x0", "", False), ("x1", "", False)]
+WIDE = spaces.Box(-9, 9, (2,))
+
+
+@pytest.mark.parametrize(
+    "wrapped",
+    [
+        lambda env: RescaleObservation(env, -1.0, 1.0),
+        lambda env: TransformObservation(env, lambda one: 9 * one, WIDE),
+        lambda env: TimeLimit(RescaleObservation(env, 0.0, 2.0), 9),
+        lambda env: FlattenObservation(RescaleObservation(env, 0.0, 2.0)),
+    ],
+)
+def test_numbers_that_a_wrapper_made_are_no_more_what_the_environment_says(wrapped):
+    """A rescaled position was printed in metres, and an angle fitted as a flag."""
+    assert told(wrapped(Gate())) == UNNAMED
+
+
+@pytest.mark.parametrize(
+    ("wrapped", "size"),
+    [
+        (lambda env: FlattenObservation(FrameStackObservation(env, 2)), 4),
+        (lambda env: TimeAwareObservation(TimeLimit(env, 30)), 3),
+    ],
+)
+def test_kinds_of_what_a_wrapper_replaced_are_left_out(wrapped, size):
+    """It was refused for a name that nobody had given to a wrapper."""
+    assert describe(wrapped(Gate())).feature_names == tuple(f"x{j}" for j in range(size))
+
+
+def test_names_of_numbers_that_are_the_same_hold():
+    own = told(Gate())
+    assert own == [("place", "m", False), ("open", "", True)]
+    assert told(TimeLimit(Gate(), 9)) == own
+    space = Gate.observation_space
+    for same in (space, spaces.Box(*map(np.float64, (space.low, space.high)), dtype=np.float64)):
+        assert told(TransformObservation(Gate(), lambda one: one, same)) == own
+    assert told(FlattenObservation(Gate())) == own
+
+
+def test_tasks_that_are_known_are_known_no_more_behind_a_wrapper():
+    cartpole = NormalizeObservation(gymnasium.make("CartPole-v1"))
+    assert describe(cartpole).features[0] == eutree.Feature("x0")
+    free = Gate()
+    free.observation_space = spaces.Box(-np.inf, np.inf, (2,))
+    assert told(NormalizeObservation(free)) == UNNAMED  # though its bounds are as before
+    assert describe(cartpole).actions == ("left", "right")
+
+
+def test_a_wrapper_may_name_what_it_makes():
+    seen = RescaleObservation(Gate(), 0.0, 1.0)
+    seen.feature_names, seen.feature_units = ("share", "ajar"), ("%", "")
+    assert told(TimeLimit(seen, 9)) == [("share", "%", False), ("ajar", "", False)]
+    seen.feature_kinds = {"ajar": "flag"}
+    assert told(seen)[1] == ("ajar", "", True)
+    seen.feature_names = ("share",)
+    with pytest.raises(InvalidArgumentError, match="feature_names must be 2 texts"):
+        describe(seen)
+    other = RescaleObservation(Gate(), 0.0, 1.0)
+    Names(features=("part [%]", "ajar"), kinds={"ajar": "flag"}).give(other)
+    assert told(other) == [("part", "%", False), ("ajar", "", True)]
+    assert told(other.env)[0] == ("place", "m", False)
+
+
+def test_what_is_of_one_environment_is_refused_behind_another_wrapper(tmp_path):
+    """Positions from 0 to 1 and from -1.2 to 0.6 stood in one history."""
+
+    def plain():
+        return gymnasium.make("MountainCar-v0")
+
+    def scaled():
+        return RescaleObservation(plain(), 0.0, 1.0)
+
+    short = {"seed": 0, "judge_episodes": 0, "front_steps": 0, "evaluation_episodes": 1}
+    for one, other in ((plain, scaled), (scaled, plain)):
+        demos = eutree.record(one(), lambda seen: 2, episodes=1, seed=0)
+        policy = eutree.TreePolicy(DecisionTree.single_leaf(2), [1], demos.schema)
+        with pytest.raises(InvalidArgumentError, match=r"must have the features.*'x1'\]") as caught:
+            eutree.evaluate(policy, other(), episodes=1)
+        with pytest.raises(InvalidArgumentError, match=r"demonstrations must have the features"):
+            eutree.learn(other(), demonstrations=demos, episodes=1, **short)
+        assert "--names" not in str(caught.value)  # they would not make them the same
+        assert eutree.evaluate(policy, one(), episodes=1).mean_return == -200.0
+    asked = {"method": "paper", "start": "nothing", **short, "out": tmp_path / "run"}
+    eutree.learn(scaled(), episodes=1, **asked)
+    with pytest.raises(RunFolderError, match=r"started with names \('x0', .*with \('position'"):
+        eutree.learn(plain(), episodes=2, resume=True, **asked)
 
 
 @pytest.mark.parametrize(

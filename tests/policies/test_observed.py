@@ -151,3 +151,41 @@ def test_where_names_are_the_environments_own_it_says_what_helps():
     with pytest.raises(InvalidArgumentError, match=r"entries 'a, b.*got.*at\.doors.*eutree\.play"):
         tree.predict(own)
     assert len(eutree.play(tree, guarded.env)) == 5
+
+
+def remembering(*derived, actions=0):
+    """Return a policy that remembers a step of two numbers and of what is derived."""
+    own = eutree.Schema((eutree.Feature("a"), eutree.Feature("b")), ("l", "r")).derive(derived)
+    schema = own if derived else own.with_history(1, actions)
+    tree = eutree.DecisionTree.single_leaf(schema.n_features).split(0, 0, 0.0)
+    past = {} if derived else {"history": 1, "past_actions": actions}
+    return eutree.TreePolicy(tree, [0, 1], schema, **past)
+
+
+@pytest.mark.parametrize(
+    ("policy", "size"),
+    [
+        (remembering(), 4),
+        (remembering(actions=1), 7),
+        (remembering("c = a - last(a)"), 3),
+    ],
+)
+def test_what_is_remembered_must_be_of_the_rows_observed(policy, size):
+    """NumPy could not broadcast it, or it was taken for every row."""
+    rows = np.zeros((3, 2))
+    state = policy.predict(rows)[1]
+    assert state.shape == (3, size)
+    for observed, given, begins, wanted in (
+        (rows[:2], state, None, rf"state must have shape \(2, {size}\), got \(3, {size}\)"),
+        (rows[0], state, None, rf"state must have shape \({size},\), got \(3, {size}\)"),
+        (rows, state[:, :1], None, rf"state must have shape \(3, {size}\), got \(3, 1\)"),
+        (rows, 0.0, None, rf"state must have shape \(3, {size}\), got \(\)"),
+        (rows, state, [True, False], r"episode_start must have shape \(3,\), got \(2,\)"),
+        (rows[0], state[0], [True, False], r"episode_start must have shape \(\), got \(2,\)"),
+    ):
+        with pytest.raises(InvalidArgumentError, match=wanted):
+            policy.predict(observed, given, begins)
+    for begins in (True, [True]):  # of one, as Stable-Baselines3 says it, too
+        assert policy.predict(rows[0], state[0], begins)[1].shape == (size,)
+    for begins in (True, [True] * 3):
+        assert policy.predict(rows, state, begins)[1].shape == (3, size)

@@ -191,6 +191,9 @@ def test_any_callback_of_several_ends_the_run(env, demonstrations):
 def test_what_is_no_callback_is_refused(env, demonstrations):
     with pytest.raises(InvalidArgumentError, match="callback must be a Listener"):
         eutree.learn(env, callback="progress", **SHORT)
+    for one in (lambda known: True, lambda: True, Witness, lambda *, known: True):
+        with pytest.raises(InvalidArgumentError, match=r"a function of \(locals, globals\)"):
+            eutree.learn(env, callback=one, **SHORT)
     with pytest.raises(InvalidArgumentError, match="offline learning, which takes no steps"):
         eutree.learn(None, demonstrations=demonstrations, callback=lambda *_: True)
     with pytest.raises(InvalidArgumentError, match="value of 'a' must be a number, got 'b'"):

@@ -442,6 +442,18 @@ def test_a_state_that_could_not_be_read_back_is_never_written(of_the_page, demos
     assert result.episodes == SHORT["episodes"], "it goes on from the last that was whole"
 
 
+@pytest.mark.parametrize("answer", [None, 1.0, np.bool_(True), 2, -1, "1", np.array([1])])
+def test_what_act_returns_must_be_the_number_of_an_action(answer, of_the_page, demos, monkeypatch):
+    """It was a bare TypeError, or the environment was blamed for it."""
+    kind = type(of_the_page().start(*_beginning()))
+    monkeypatch.setattr(kind, "act", lambda self: answer)
+    wanted = "what act of the method returns must be an integer from 0 to 1, got " + re.escape(
+        repr(answer)
+    )
+    with pytest.raises(InvalidArgumentError, match=wanted):
+        learned(demos, None, method=of_the_page())
+
+
 def test_figures_may_be_those_of_numpy(of_the_page, demos, tmp_path, monkeypatch):
     """The run ended at its first update: int64 is not JSON serializable."""
     told = {

@@ -25,7 +25,7 @@ import msgspec
 from eutree.errors import FormatError, InvalidArgumentError
 from eutree.files import read_bytes, read_document
 from eutree.interaction.deriving import DerivedObservation
-from eutree.interaction.spaces import describe
+from eutree.interaction.spaces import describe, namer_of
 from eutree.schema import Feature, Schema
 
 MAX_FILE = 2**20
@@ -86,13 +86,13 @@ class Names(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
         """
         own = describe(env)
         schema = self.of(own, whose="the environment's own")
-        inner: Any = env.unwrapped  # where describe looks for names
+        inner: Any = namer_of(env)  # where describe looks for names
         if self.features:
             inner.feature_names = schema.feature_names
             inner.feature_units = tuple(feature.unit for feature in schema.features)
         inner.feature_kinds = kinds_of(schema)
         if self.actions:
-            inner.action_names = self.actions
+            env.unwrapped.action_names = self.actions  # type: ignore[attr-defined]  # where it looks
         return DerivedObservation(env, self.derived) if self.derived else env
 
     def of(self, schema: Schema, whose: str = "those there") -> Schema:

@@ -79,7 +79,8 @@ def describe(env: gymnasium.Env[Any, Any]) -> Schema:
 
     Names come from the environment's ``feature_names``, ``feature_units`` and ``action_names`` if
     it has them, from a small table for Gymnasium's own tasks, else they are ``x0, x1, ...`` and
-    ``action_0, action_1, ...``: such as can be typed without quotes. Actions of a grid
+    ``action_0, action_1, ...``: such as can be typed without quotes. Where a wrapper changes how
+    many numbers are observed or their bounds, it alone may name them. Actions of a grid
     (``GriddedAction``), of a ``MultiDiscrete`` or ``MultiBinary`` are named by their levels;
     ``action_names`` may name the combinations, or the numbers that they are combined of. Whole
     numbers are known by the dtype of the space, flags by their bounds, 0 and 1; ``feature_kinds``
@@ -91,33 +92,50 @@ def describe(env: gymnasium.Env[Any, Any]) -> Schema:
     """
     env = numbered(env)
     derived, family = derived_around(env), name_of(env).split("/")[-1].split("-v")[0]
-    features = _features(env, family) if derived is None else derived.schema.features
-    grid = grid_around(env)
+    namer, grid = namer_of(env), grid_around(env)
+    of_task = family if namer is env.unwrapped else ""
+    features = _features(env, namer, of_task) if derived is None else derived.schema.features
     controls = () if grid is None else grid.controls
     schema = Schema(features, _action_names(env, family, controls), controls)
     if derived is not None:
         return schema
-    known = schema.feature_names if family in _KNOWN_FEATURES else ()
+    known = schema.feature_names if of_task in _KNOWN_FEATURES else ()
     flags = {name: "flag" for name in _KNOWN_FLAGS if name in known}
-    return schema.with_kinds(getattr(env.unwrapped, "feature_kinds", flags))
+    return schema.with_kinds(getattr(namer, "feature_kinds", flags))
 
 
-def _features(env: gymnasium.Env[Any, Any], family: str) -> tuple[Feature, ...]:
+def namer_of(env: gymnasium.Env[Any, Any]) -> gymnasium.Env[Any, Any]:
+    """Return whose names hold: the outermost wrapper that names or changes what is seen, or env."""
+    namers = (one for one in wrappers_of(env) if hasattr(one, "feature_names") or _changes(one))
+    return next(namers, env.unwrapped)
+
+
+def _changes(wrapper: gymnasium.Wrapper[Any, Any, Any, Any]) -> bool:
+    """Return whether a wrapper of others changes how many numbers are seen, or their bounds."""
+    if isinstance(wrapper, DecodedObservation | wrappers.FlattenObservation):
+        return False
+    mine, theirs = (bounds_of(one.observation_space) for one in (wrapper, wrapper.env))
+    if mine is None or theirs is None:
+        return bool(wrapper.observation_space != wrapper.env.observation_space)
+    same = np.shape(mine) == np.shape(theirs) and np.allclose(mine, theirs, rtol=1e-6, atol=0)
+    return not same or isinstance(wrapper, wrappers.NormalizeObservation)
+
+
+def _features(env: gymnasium.Env[Any, Any], namer: object, family: str) -> tuple[Feature, ...]:
     """Return the features that the environment observes itself."""
-    flat = one_hot_around(env)
-    features = (
-        _entries(env.observation_space, name_of(env))
-        if flat is None
-        else list(_one_hot(flat.env.observation_space, "", name_of(env)))
-    )
+    flat, name = one_hot_around(env), name_of(env)
+    if flat is None:
+        features = _entries(env.observation_space, name)
+    else:
+        features = list(_one_hot(flat.env.observation_space, "", name))
     if not 1 <= len(features) <= MAX_FEATURES:
         raise UnsupportedSpaceError(
-            f"{name_of(env)} must observe from 1 to {MAX_FEATURES:,} numbers, got {len(features):,}"
+            f"{name} must observe from 1 to {MAX_FEATURES:,} numbers, got {len(features):,}"
         )
     known = [Feature.from_label(label) for label in _KNOWN_FEATURES.get(family, "").split(", ")]
     usual = known if len(known) == len(features) and known[0].name else features
-    names = _given(env, "feature_names", len(features), "observation_space")
-    units = _given(env, "feature_units", len(features), "observation_space")
+    names = _given(env, namer, "feature_names", len(features))
+    units = _given(env, namer, "feature_units", len(features))
     return tuple(
         replace(
             feature,
@@ -128,12 +146,13 @@ def _features(env: gymnasium.Env[Any, Any], family: str) -> tuple[Feature, ...]:
     )
 
 
-def _given(env: gymnasium.Env[Any, Any], what: str, n: int, space: str) -> Sequence[Any] | None:
-    """Return what the environment calls n things; None where a wrapper made others of a space."""
-    given: Sequence[Any] | None = getattr(env.unwrapped, what, None)
+def _given(env: gymnasium.Env[Any, Any], namer: object, what: str, n: int) -> Sequence[Any] | None:
+    """Return what ``namer`` calls n things; None where a wrapper made others of a space."""
+    given: Sequence[Any] | None = getattr(namer, what, None)
     if given is None or len(given) == n:
         return given
-    if getattr(env, space) is getattr(env.unwrapped, space):
+    space = "action_space" if what == "action_names" else "observation_space"
+    if getattr(env, space) is getattr(namer, space):
         raise InvalidArgumentError(f"{name_of(env)}: {what} must be {n} texts, got {shown(given)}")
     return None
 
@@ -154,7 +173,7 @@ def _one_hot(space: spaces.Space[Any], prefix: str, name: str) -> Iterator[Featu
             for code in range(int(entry.low), int(entry.high) + 1):
                 yield Feature(f"{own} is {code}", "", 0.0, 1.0, is_integer=True, group=own)
         else:
-            yield replace(entry, name=own, is_integer=_is_whole(space))
+            yield replace(entry, name=own)
 
 
 def derived_around(env: gymnasium.Env[Any, Any]) -> Any:
@@ -300,7 +319,7 @@ def _action_names(
         raise UnsupportedSpaceError(
             f"{name_of(env)} must have at most {MAX_ACTIONS:,} actions, got {n_actions:,}"
         )
-    own = _given(env, "action_names", n_actions, "action_space")
+    own = _given(env, env.unwrapped, "action_names", n_actions)
     for names in (own, _KNOWN_ACTIONS.get(family)):
         if names is not None and len(names) == n_actions:
             return tuple(str(name) for name in names)
@@ -311,10 +330,6 @@ def _action_names(
 def _parts(space: "spaces.Dict | spaces.Tuple[Any]") -> list[tuple[str, spaces.Space[Any]]]:
     items = space.spaces.items() if isinstance(space, spaces.Dict) else enumerate(space.spaces)
     return [(key if isinstance(key, str) else f"x{key}", part) for key, part in items]
-
-
-def _is_whole(space: spaces.Space[Any]) -> bool:
-    return not np.issubdtype(space.dtype, np.floating)
 
 
 def _entries(space: spaces.Space[Any], name: str) -> list[Feature]:
@@ -336,8 +351,8 @@ def _entries(space: spaces.Space[Any], name: str) -> list[Feature]:
             f"space, got {shown(space)}: {_what_helps(space)}"
         )
     low, high = (bound.astype(np.float64).tolist() for bound in bounds)
-    ends = zip(low, high, strict=True)
-    return [Feature(f"x{i}", "", *both, _is_whole(space)) for i, both in enumerate(ends)]
+    ends, whole = zip(low, high, strict=True), not np.issubdtype(space.dtype, np.floating)
+    return [Feature(f"x{i}", "", *both, whole) for i, both in enumerate(ends)]
 
 
 def _what_helps(space: spaces.Space[Any]) -> str:

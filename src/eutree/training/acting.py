@@ -16,6 +16,7 @@ from eutree.training.phases import Plan, RunState, generator_of
 from eutree.training.progress import GatheredEpisodes
 from eutree.training.raced_episodes import STARTS
 from eutree.training.search import PolicySearch
+from eutree.validation import check_integer
 
 
 def gather(
@@ -54,11 +55,12 @@ def gather(
     observation = env.reset(_seed_of_next(learner, seed, number))
     state.whole = False
     learner.start_episode(observation, generator)
-    earned, is_over = 0.0, False
+    earned, is_over, most = 0.0, False, env.schema.n_actions - 1
     try:
         while not is_over and not state.must_stop():
             allowed = env.allowed
-            action = act_among(allowed) if knows_masks and allowed is not None else learner.act()
+            given = act_among(allowed) if knows_masks and allowed is not None else learner.act()
+            action = check_integer("what act of the method returns", given, high=most)
             if allowed is not None and not allowed[action]:
                 action = int(generator.choice(np.flatnonzero(allowed)))
             try:

@@ -10,10 +10,11 @@ within half a second, because a long evaluation or expansion is under way, is in
 this leaves half done is thrown away.
 """
 
+import inspect
 import signal
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from math import isfinite
 from pathlib import Path
 from types import FrameType
@@ -362,9 +363,12 @@ def _has_methods(given: object) -> bool:
 
 
 def _checked(given: Any) -> Any:
-    if not isinstance(given, type) and (_has_methods(given) or callable(given)):
-        return given
+    with suppress(TypeError, ValueError):  # of what takes no two dictionaries, or does not say so
+        if not isinstance(given, type) and (
+            _has_methods(given) or inspect.signature(given).bind({}, {})
+        ):
+            return given
     raise InvalidArgumentError(
-        "a listener or callback must be a Listener, a function, an object with methods of SB3's "
-        f"callbacks such as on_step, or a list of them, got {shown(given)}"
+        "a listener or callback must be a Listener, a function of (locals, globals), an object "
+        f"with methods of SB3's callbacks such as on_step, or a list of them, got {shown(given)}"
     )
