@@ -16,7 +16,7 @@ from eutree.envs import _dynamics as dynamics
 from eutree.envs import _kernels as kernels
 from eutree.envs._dynamics import ENDINGS, GOAL, RUNNING, TIME_LIMIT, EvasionParameters
 from eutree.envs.evasion import features, observation_space
-from eutree.errors import InvalidArgumentError
+from eutree.errors import InvalidArgumentError, shown
 from eutree.validation import check_integer, check_seed
 
 _ENDING_NAMES = np.array([None, *ENDINGS[1:]], dtype=object)
@@ -114,7 +114,9 @@ class EvasionVectorEnv(VectorEnv[Floats, Integers, Any]):
             options: None are known; copies cannot be reset apart.
         """
         if options and "reset_mask" in options:
-            raise InvalidArgumentError("options must have no reset_mask: all copies begin together")
+            raise InvalidArgumentError(
+                f"options must have no reset_mask: all copies begin together, got {shown(options)}"
+            )
         self._seed(seed)
         every = np.ones(self.num_envs, dtype=np.bool_)
         self._draw(every)

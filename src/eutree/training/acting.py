@@ -59,8 +59,9 @@ def gather(
     try:
         while not is_over and not state.must_stop():
             allowed = env.allowed
-            given = act_among(allowed) if knows_masks and allowed is not None else learner.act()
-            action = check_integer("what act of the method returns", given, high=most)
+            action = act_among(allowed) if knows_masks and allowed is not None else learner.act()
+            if type(action) is not int or not 0 <= action <= most:  # a step is a few microseconds
+                action = check_integer("what act of the method returns", action, high=most)
             if allowed is not None and not allowed[action]:
                 action = int(generator.choice(np.flatnonzero(allowed)))
             try:
