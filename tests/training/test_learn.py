@@ -332,6 +332,12 @@ def test_a_range_of_returns_that_is_none_is_refused(demonstrations, wrong):
         eutree.learn(None, demonstrations=demonstrations, return_range=wrong)
 
 
+def test_a_range_that_the_recorded_returns_contradict_is_refused(demonstrations):
+    message = r"each return, by return_range, must be a number in \[1e\+06, 2e\+06\], got "
+    with pytest.raises(InvalidArgumentError, match=message):
+        eutree.learn(None, demonstrations=demonstrations, return_range=(1e6, 2e6))
+
+
 def test_a_planner_does_not_learn_offline(env, demonstrations):
     message = "method 'planning' does not fit this task: it tries what it plans"
     with pytest.raises(InvalidArgumentError, match=message):
