@@ -250,6 +250,12 @@ def test_a_run_folder_refuses_a_second_run_and_another_start(env, demonstrations
         eutree.learn(env, seed=1, **options)
     with pytest.raises(RunFolderError, match=r"started with seed 1.*cannot be resumed with 2"):
         eutree.learn(env, seed=2, resume=True, **options)
+    options["demonstrations"] = dataclasses.replace(
+        demonstrations, episodes=demonstrations.episodes[1:]
+    )
+    message = "started with demonstrations that are not those given now, so .* resumed with these$"
+    with pytest.raises(RunFolderError, match=message):
+        eutree.learn(env, seed=1, resume=True, **options)
 
 
 @pytest.mark.parametrize("start", ["tree+demos", "nothing"])
