@@ -232,3 +232,22 @@ def test_a_start_that_the_plant_does_not_know_is_found(line):
     line(starts=(0.0, 1.0))
     with pytest.raises(InvalidArgumentError, match="plant must start as Line-v0 does"):
         checked(LinePlant())
+
+
+def test_a_reward_that_is_not_the_environments_is_found():
+    plant = LinePlant()
+    plant.reward = 0.0
+    checked(plant)
+    plant.reward = -2.0
+    message = "plant must earn as Line-v0 does: after action . in .* the reward is 0.0, and .* -2.0"
+    with pytest.raises(InvalidArgumentError, match=message):
+        checked(plant)
+
+
+def test_a_plant_is_checked_with_one_warning_in_all(line):
+    line(observation_space=gymnasium.spaces.Box(0.0, 0.5, (1,), np.float64))
+    plant = LinePlant()
+    plant.make = lambda: gymnasium.make(NAME, disable_env_checker=True)
+    with pytest.warns(UserWarning, match="said once") as found:
+        checked(plant)
+    assert len(found) == 1
