@@ -251,3 +251,52 @@ def test_a_plant_is_checked_with_one_warning_in_all(line):
     with pytest.warns(UserWarning, match="said once") as found:
         checked(plant)
     assert len(found) == 1
+
+
+@pytest.mark.parametrize(
+    ("declared", "message"),
+    [
+        (
+            {"step": lambda state, action: [state[0] * np.nan]},
+            "step of LinePlant must return bounds that are numbers, got nan for place",
+        ),
+        (
+            {"arrives": lambda state: True},
+            "arrives of LinePlant must return a Truth of N statements, got True",
+        ),
+        (
+            {"observe": lambda state: True},
+            "observe of LinePlant must return Intervals of .*, got True",
+        ),
+        (
+            {"observe": lambda state: [*state, 1.0]},
+            "observe of LinePlant must return Intervals of .*, got ",
+        ),
+        (
+            {"measure": lambda state: "place"},
+            "measure of LinePlant must return Intervals of place, got 'place'",
+        ),
+    ],
+)
+def test_what_a_plant_returns_is_looked_at(line, declared, message):
+    plant = LinePlant()
+    for name, value in declared.items():
+        setattr(plant, name, value)
+    with pytest.raises(InvalidArgumentError, match=message):
+        prove(line(), plant, "arrives within 3 steps", effort=FEW)
+
+
+def test_infinite_bounds_are_allowed(line):
+    plant = LinePlant()
+    plant.step = lambda state, action: [Intervals.of(state[0]) + Intervals.between(-np.inf, np.inf)]
+    found = prove(line(), plant, "avoids place > 9 for 2 steps", effort=FEW)
+    assert found.verdict == "undecided"
+
+
+def test_a_measure_that_never_changes_may_be_a_number(line):
+    plant = LinePlant()
+    plant.measures, plant.measure = ("place", "load"), lambda state: [state[0], 3.0]
+    asked = "stays in place <= 2 and load <= 4 for 3 steps"
+    assert prove(line(), plant, asked, effort=FEW).proven
+    plant.axes, plant.cells = ((1.0,),), (0.01,)
+    assert prove(line(), plant, asked, effort=FEW).proven
