@@ -253,6 +253,33 @@ def test_a_plant_is_checked_with_one_warning_in_all(line):
     assert len(found) == 1
 
 
+class Disturbed(LinePlant):
+    """A step goes up to half a quarter farther or less far, by chance."""
+
+    def step(self, state: Any, action: Any) -> Any:
+        by = Intervals.between(np.full(action.shape, -0.125), np.full(action.shape, 0.125))
+        return [state[0] + 0.25 * (2.0 * action - 1.0) + by]
+
+
+def test_starts_are_not_cut_where_disturbances_keep_the_tree_of_two_minds(line):
+    """Tens of millions of pieces, none of which was decided by its halves, took all memory."""
+    policy = policy_of((0, 0.9, 1, 0), NAME)
+    found = prove(
+        policy, Disturbed(), "stays in place >= -2 for 4 steps", effort=Effort(pieces=50_000)
+    )
+    assert found.proven
+    assert found.work["pieces"] < 10_000
+
+
+def test_no_more_pieces_are_kept_than_the_effort_allows(line):
+    policy = policy_of((0, 0.5, 0, (0, 0.6, 1, 0)), NAME)
+    asked = "stays in place <= 0.9 for 3 steps"
+    whole = prove(policy, LinePlant(), asked, effort=FEW)
+    found = prove(policy, LinePlant(), asked, effort=Effort(pieces=2))
+    assert found.work["pieces"] < whole.work["pieces"]
+    assert found.undecided > whole.undecided
+
+
 @pytest.mark.parametrize(
     ("declared", "message"),
     [
