@@ -27,8 +27,9 @@ def boxes_along(
     boxes = _Boxes.beginning(pieces[0].T, pieces[1].T, start[:, 1] > start[:, 0])
     known = np.ones(len(boxes), dtype=bool)
     for _ in range(steps):
-        possible = acting(boxes.state)
+        possible = acting(boxes.state())
         known &= (possible & (possible - 1)) == 0
-        boxes = boxes.at(plant.step(boxes.state, _action(possible & -possible)))
-        low, high = (np.stack([getattr(x, end) for x in boxes.state], 1) for end in ("low", "high"))
+        boxes = boxes.at(plant.step(boxes.state(), _action(possible & -possible)))
+        state = boxes.state()
+        low, high = (np.stack([getattr(x, end) for x in state], 1) for end in ("low", "high"))
         yield np.where(known[:, None], low, -np.inf), np.where(known[:, None], high, np.inf)

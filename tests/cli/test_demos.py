@@ -171,6 +171,14 @@ def test_merge_import_and_export(folder, recorded, ask, tmp_path, monkeypatch):
             assert ask("check", out)["equal"] == 3
 
 
+def test_merging_says_which_episodes_are_there_twice(folder, eutree, tmp_path):
+    once = eutree("demos", "merge", folder, "--out", tmp_path / "once")
+    assert "warning" not in once.err
+    twice = eutree("demos", "merge", folder, folder, "--out", tmp_path / "twice")
+    assert "warning: 3 episodes of these repeat another one, bit for bit" in twice.err
+    assert twice.code == 0
+
+
 def test_a_plants_log_is_imported_by_its_own_columns(ask, tmp_path, capsys):
     """The last action of each episode was dropped without a word, and columns had to be renamed."""
     log, out = tmp_path / "plant.csv", tmp_path / "days"

@@ -31,6 +31,7 @@ def names_file(path, **names):
         (("--env-arg", "a=1"), "nothing is played with --offline: leave out --env-arg"),
         (("--action-grid", "a=1,2"), "nothing is played with --offline: leave out --action-grid"),
         (("--decode",), "nothing is played with --offline: leave out --decode"),
+        (("--n-jobs", 2), "nothing is played with --offline: leave out --n-jobs"),
         (("--names", "names.json"), "of their own: leave out --names"),
     ],
 )

@@ -174,7 +174,7 @@ def test_single_precision_of_observations_is_exact():
         point = np.array([[position], [0.0]])
         box = _Boxes.beginning(point, point, np.array([True, False]))
         action = policy_of((0, threshold, 2, 0)).act([float(np.float32(position)), 0.0])
-        assert acting(box.state)[0] == 1 << action
+        assert acting(box.state())[0] == 1 << action
 
 
 @pytest.mark.parametrize(

@@ -232,3 +232,98 @@ def test_a_start_that_the_plant_does_not_know_is_found(line):
     line(starts=(0.0, 1.0))
     with pytest.raises(InvalidArgumentError, match="plant must start as Line-v0 does"):
         checked(LinePlant())
+
+
+def test_a_reward_that_is_not_the_environments_is_found():
+    plant = LinePlant()
+    plant.reward = 0.0
+    checked(plant)
+    plant.reward = -2.0
+    message = "plant must earn as Line-v0 does: after action . in .* the reward is 0.0, and .* -2.0"
+    with pytest.raises(InvalidArgumentError, match=message):
+        checked(plant)
+
+
+def test_a_plant_is_checked_with_one_warning_in_all(line):
+    line(observation_space=gymnasium.spaces.Box(0.0, 0.5, (1,), np.float64))
+    plant = LinePlant()
+    plant.make = lambda: gymnasium.make(NAME, disable_env_checker=True)
+    with pytest.warns(UserWarning, match="said once") as found:
+        checked(plant)
+    assert len(found) == 1
+
+
+class Disturbed(LinePlant):
+    """A step goes up to half a quarter farther or less far, by chance."""
+
+    def step(self, state: Any, action: Any) -> Any:
+        by = Intervals.between(np.full(action.shape, -0.125), np.full(action.shape, 0.125))
+        return [state[0] + 0.25 * (2.0 * action - 1.0) + by]
+
+
+def test_starts_are_not_cut_where_disturbances_keep_the_tree_of_two_minds(line):
+    """Tens of millions of pieces, none of which was decided by its halves, took all memory."""
+    policy = policy_of((0, 0.9, 1, 0), NAME)
+    found = prove(
+        policy, Disturbed(), "stays in place >= -2 for 4 steps", effort=Effort(pieces=50_000)
+    )
+    assert found.proven
+    assert found.work["pieces"] < 10_000
+
+
+def test_no_more_pieces_are_kept_than_the_effort_allows(line):
+    policy = policy_of((0, 0.5, 0, (0, 0.6, 1, 0)), NAME)
+    asked = "stays in place <= 0.9 for 3 steps"
+    whole = prove(policy, LinePlant(), asked, effort=FEW)
+    found = prove(policy, LinePlant(), asked, effort=Effort(pieces=2))
+    assert found.work["pieces"] < whole.work["pieces"]
+    assert found.undecided > whole.undecided
+
+
+@pytest.mark.parametrize(
+    ("declared", "message"),
+    [
+        (
+            {"step": lambda state, action: [state[0] * np.nan]},
+            "step of LinePlant must return bounds that are numbers, got nan for place",
+        ),
+        (
+            {"arrives": lambda state: True},
+            "arrives of LinePlant must return a Truth of N statements, got True",
+        ),
+        (
+            {"observe": lambda state: True},
+            "observe of LinePlant must return Intervals of .*, got True",
+        ),
+        (
+            {"observe": lambda state: [*state, 1.0]},
+            "observe of LinePlant must return Intervals of .*, got ",
+        ),
+        (
+            {"measure": lambda state: "place"},
+            "measure of LinePlant must return Intervals of place, got 'place'",
+        ),
+    ],
+)
+def test_what_a_plant_returns_is_looked_at(line, declared, message):
+    plant = LinePlant()
+    for name, value in declared.items():
+        setattr(plant, name, value)
+    with pytest.raises(InvalidArgumentError, match=message):
+        prove(line(), plant, "arrives within 3 steps", effort=FEW)
+
+
+def test_infinite_bounds_are_allowed(line):
+    plant = LinePlant()
+    plant.step = lambda state, action: [Intervals.of(state[0]) + Intervals.between(-np.inf, np.inf)]
+    found = prove(line(), plant, "avoids place > 9 for 2 steps", effort=FEW)
+    assert found.verdict == "undecided"
+
+
+def test_a_measure_that_never_changes_may_be_a_number(line):
+    plant = LinePlant()
+    plant.measures, plant.measure = ("place", "load"), lambda state: [state[0], 3.0]
+    asked = "stays in place <= 2 and load <= 4 for 3 steps"
+    assert prove(line(), plant, asked, effort=FEW).proven
+    plant.axes, plant.cells = ((1.0,),), (0.01,)
+    assert prove(line(), plant, asked, effort=FEW).proven

@@ -250,6 +250,12 @@ def test_a_run_folder_refuses_a_second_run_and_another_start(env, demonstrations
         eutree.learn(env, seed=1, **options)
     with pytest.raises(RunFolderError, match=r"started with seed 1.*cannot be resumed with 2"):
         eutree.learn(env, seed=2, resume=True, **options)
+    options["demonstrations"] = dataclasses.replace(
+        demonstrations, episodes=demonstrations.episodes[1:]
+    )
+    message = "started with demonstrations that are not those given now, so .* resumed with these$"
+    with pytest.raises(RunFolderError, match=message):
+        eutree.learn(env, seed=1, resume=True, **options)
 
 
 @pytest.mark.parametrize("start", ["tree+demos", "nothing"])
@@ -330,6 +336,12 @@ def test_the_tree_of_fit_is_handed_over_as_fit_makes_it():
 def test_a_range_of_returns_that_is_none_is_refused(demonstrations, wrong):
     with pytest.raises(InvalidArgumentError, match="return_range must be the lowest and the high"):
         eutree.learn(None, demonstrations=demonstrations, return_range=wrong)
+
+
+def test_a_range_that_the_recorded_returns_contradict_is_refused(demonstrations):
+    message = r"each return, by return_range, must be a number in \[1e\+06, 2e\+06\], got "
+    with pytest.raises(InvalidArgumentError, match=message):
+        eutree.learn(None, demonstrations=demonstrations, return_range=(1e6, 2e6))
 
 
 def test_a_planner_does_not_learn_offline(env, demonstrations):

@@ -207,6 +207,9 @@ def merge(folders: tuple[Path, ...], out: Path) -> Result:
     for other in opened[1:]:
         opened[0].check_same(other.schema, other.environment)
     episodes = tuple(e for folder in opened for e in folder.read_all().values())
+    alone = {(e.seed, e.observations.tobytes(), e.actions.tobytes()) for e in episodes}
+    if twice := len(episodes) - len(alone):
+        say(f"warning: {counted(twice, 'episode')} of these repeat another one, bit for bit")
     experts = ", ".join(dict.fromkeys(folder.expert for folder in opened if folder.expert))
     merged = Demonstrations(episodes, opened[0].schema, opened[0].environment, experts)
     merged.save(out)

@@ -42,7 +42,7 @@ from eutree.zoo import card
 
 # What is not heard where nobody plays.
 _PLAYED = ("steps", "minutes", "judge_episodes", "front_steps", "evaluate_every",
-           "evaluation_episodes", "env_arguments", "decode", "action_grid")  # fmt: skip
+           "evaluation_episodes", "env_arguments", "decode", "action_grid", "n_jobs")  # fmt: skip
 
 if TYPE_CHECKING:
     from eutree.training import LearningResult, Teacher

@@ -34,6 +34,7 @@ from eutree.evaluation.log_gains import FittedLog, Gains, cuts
 from eutree.interaction.episode import Stream
 from eutree.learners.starts import SETTINGS, best_left_out, fitted_trees
 from eutree.policies import TreePolicy
+from eutree.validation import check_number
 from eutree.world_model import PairedRollouts, Transitions, fit_world_models
 from eutree.world_model.action_trees import from_decision_tree
 from eutree.world_model.transitions import seen_as
@@ -236,6 +237,9 @@ class Log:
     ) -> Self:
         """Divide recorded episodes; the seed chooses which are held out."""
         check_rewards(recorded, alone=True)
+        low, high = return_range or (-np.inf, np.inf)
+        for earned in (round(episode.undiscounted_return, 9) for episode in recorded):
+            check_number("each return, by return_range,", earned, low=low, high=high)
         known, held_out = hold_out(recorded.kept, _chance(seed, 0))
         learned_from = replace(recorded, episodes=known)
         return cls(recorded, learned_from, held_out, expert, return_range, seed)

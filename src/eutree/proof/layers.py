@@ -166,7 +166,8 @@ def _harm(
             possible = acting(state)
             later = plant.step(state, np.log2(possible & -possible).astype(np.int64))
             state = [Intervals.of(middle(one.low, one.high)) for one in later]
-            most = np.fmax(most, harm(np.stack([one.low for one in plant.measure(state)])))
+            seen = np.broadcast_arrays(*(Intervals.of(one).low for one in plant.measure(state)))
+            most = np.fmax(most, harm(np.stack(seen)))
     return most
 
 

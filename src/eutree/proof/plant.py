@@ -7,6 +7,7 @@ its boxes.
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from numbers import Real
 from typing import Any, ClassVar
 
 import gymnasium
@@ -173,7 +174,7 @@ class Plant:
         seen.check_same(measured, "policy", of=str(self.environment))
         self._check_derived(policy)
         if not self.by_chance:
-            self._check_moves(policy.schema.n_actions)
+            self._check_moves(policy.schema)
             self.check_seen(env, masked=policy.masked)
         env.close()
 
@@ -193,24 +194,30 @@ class Plant:
                 "whose plant has a proof of its own, got a tree that asks for derived ones"
             )
 
-    def _check_moves(self, n_actions: int) -> None:
+    def _check_moves(self, seen: Schema) -> None:
         """Raise InvalidArgumentError unless the starts are a box that every action moves."""
-        names, kind = check_listed("state", self.state), type(self).__name__
+        names, kind, n = check_listed("state", self.state), type(self).__name__, seen.n_actions
         ends = [check_range(f"each start of {kind}", end) for end in self.start]
         try:
-            boxes = [Intervals.between(*np.repeat([end], n_actions, 0).T) for end in ends]
-            moved = self.step(boxes, np.arange(n_actions))
-            for of_boxes in (self.arrives, self.observe, self.measure):
-                of_boxes(moved)
+            boxes = [Intervals.between(*np.repeat([end], n, 0).T) for end in ends]
+            moved, of_one = self.step(boxes, np.arange(n)), from_a_start(self, n)
+            arrived, observed = self.arrives(moved), self.observe(moved)
+            measured = self.measure(moved)
         except Exception as error:
             raise InvalidArgumentError(f"{kind} cannot move boxes: {described(error)}") from error
         if len(ends) != len(names):
             raise InvalidArgumentError(
                 f"start of {kind} must have a range for each of {', '.join(names)}, got {len(ends)}"
             )
-        if len(moved) != len(names) or not all(isinstance(one, Intervals) for one in moved):
-            expected = f"step of {kind} must return Intervals of {', '.join(names)}"
-            raise InvalidArgumentError(f"{expected}, got {shown(moved)}")
+        _check_listed(f"step of {kind}", moved, names)
+        _check_listed(f"observe of {kind}", observed, seen.measured.feature_names, Real, np.ndarray)
+        _check_listed(f"measure of {kind}", measured, self.schema.feature_names, Real, np.ndarray)
+        if not isinstance(arrived, Truth):
+            words = f"arrives of {kind} must return a Truth of N statements"
+            raise InvalidArgumentError(f"{words}, got {shown(arrived)}")
+        if bad := [k for k, one in enumerate(of_one) if np.isnan([one.low, one.high]).any()]:
+            words = f"step of {kind} must return bounds that are numbers"
+            raise InvalidArgumentError(f"{words}, got nan for {names[bad[0]]}")
 
     def check_seen(self, env: gymnasium.Env[Any, Any], *, masked: bool = False) -> None:
         """Raise InvalidArgumentError where a tree sees or does what boxes do not tell."""
@@ -218,10 +225,8 @@ class Plant:
         parts = seen.values() if isinstance(seen, dict) else seen
         kinds = [np.asarray(x).dtype for x in (parts if isinstance(seen, dict | tuple) else [seen])]
         types = {"float64" if one.kind in "biu" else one.name for one in kinds}
-        if (
-            types != {getattr(self.precision, "__name__", str(self.precision))}
-            or not types <= _SEEN
-        ):
+        asked = getattr(self.precision, "__name__", str(self.precision))
+        if types != {asked} or asked not in _SEEN:
             raise InvalidArgumentError(
                 f"precision of {type(self).__name__} must be the type of the observations of "
                 f"{self.environment}, float32 or float64, got {shown(self.precision)} where they "
@@ -231,6 +236,19 @@ class Plant:
             raise InvalidArgumentError(
                 f"all actions must be allowed everywhere for a proof; {self.environment} has masks"
             )
+
+
+def from_a_start(plant: Plant, n_actions: int) -> State:
+    """Return what each action makes of one start: wide intervals where a plant is disturbed."""
+    point = [Intervals.of(np.full(n_actions, 0.6 * a + 0.4 * b)) for a, b in plant.start]
+    return plant.step(point, np.arange(n_actions))
+
+
+def _check_listed(method: str, found: Any, names: Sequence[str], *also: type) -> None:
+    listed = list(found) if np.iterable(found) else []
+    if len(listed) != len(names) or not all(isinstance(one, (Intervals, *also)) for one in listed):
+        expected = f"{method} must return Intervals of {', '.join(names)}"
+        raise InvalidArgumentError(f"{expected}, got {shown(found)}")
 
 
 def own_arguments(

@@ -258,7 +258,8 @@ class _Proof:
 
     def _broken(self, state: State) -> Truth:
         """Return whether states break the condition that must hold at every step."""
-        inside = _inside(self._region, self._plant.measure(state))
+        size = np.shape(state[0].low)
+        inside = _inside(self._region, map(Intervals.of, self._plant.measure(state)), size)
         return ~inside if self._asked.kind == "stays" else inside
 
     def _check_start(self) -> None:
@@ -284,8 +285,7 @@ class _Proof:
     def _broken_from(self, starts: Iterable[Floats]) -> dict[str, float] | None:
         """Return the first start from which Gymnasium breaks the property, and when."""
         for start in starts:
-            steps = self._breaks(start)
-            if steps is not None:
+            if (steps := self._breaks(start)) is not None:
                 return self._named(start, steps)
         return None
 
@@ -328,9 +328,8 @@ class _Proof:
         return {**dict(zip(self._plant.state, start.tolist(), strict=True)), "steps": steps}
 
 
-def _inside(region: Region, state: State) -> Truth:
+def _inside(region: Region, state: Iterable[Intervals], size: tuple[int, ...]) -> Truth:
     """Return whether states are in a region, whose lower bounds are exclusive."""
-    size = np.shape(state[0].low)
     found = Truth(np.ones(size, dtype=bool), np.ones(size, dtype=bool))
     for one, low, high in zip(state, region.low.tolist(), region.high.tolist(), strict=True):
         if low != -np.inf:
@@ -342,8 +341,7 @@ def _inside(region: Region, state: State) -> Truth:
 
 def _shares(pieces: Pieces, plant: Plant) -> Floats:
     """Return the share of all starts that each piece takes, shape [N]."""
-    start = np.array(plant.start)
-    width = start[:, 1] - start[:, 0]
+    width = np.diff(plant.start)[:, 0]
     varies = width > 0
     sides = (pieces.high - pieces.low)[:, varies] / width[varies]
     shares: Floats = sides.prod(axis=1)

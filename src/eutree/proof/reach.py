@@ -34,12 +34,13 @@ from eutree.proof.intervals import (
     rounded,
     where,
 )
-from eutree.proof.plant import Plant, State
+from eutree.proof.plant import Plant, State, from_a_start
 from eutree.trees.text import derived_features
 from eutree.validation import check_amounts, check_number
 
 MOST_ACTIONS = 64  # bits of a set of actions
 _AT_ONCE = 1 << 14  # boxes that are moved together: their arrays stay in the cache
+_LARGE = 2.0**-12  # share of all starts: a piece above it is cut in a disturbed plant, too
 _MOST_BRANCHES = 8  # moments at which a piece may follow several actions, before it is given up
 
 
@@ -50,17 +51,19 @@ class Effort:
     Attributes:
         smallest: Share of all starts below which a piece is not cut.
         box_steps: Steps of boxes in all; pieces not decided by then stay undecided.
+        pieces: Decided pieces and branches in all: what is kept. Others then stay undecided.
         refinements: How many times finer than the plant's own a grid is, one after the other,
             until a property for ever is proven.
     """
 
     smallest: float = 2.0**-26
     box_steps: int = 300_000_000
+    pieces: int = 1 << 20
     refinements: tuple[int, ...] = (1, 2)
 
     def __post_init__(self) -> None:
         check_number("smallest", self.smallest, low=0.0, high=1.0)
-        check_amounts(self, box_steps=1)
+        check_amounts(self, box_steps=1, pieces=1)
 
 
 class Acting:
@@ -87,7 +90,7 @@ class Acting:
             threshold = np.where(measured, float64_thresholds(nodes.threshold), nodes.threshold)
             nodes = nodes._replace(threshold=threshold)
         self._nodes = _kernels.ActingNodes(nodes, policy.actions)
-        self._plant = plant
+        self._plant, self.n_actions = plant, policy.schema.n_actions
 
     def __call__(self, state: State) -> Integers:
         """Return which actions are possible in boxes, a bit for each action, shape [N]."""
@@ -169,12 +172,9 @@ class _Boxes:
         )
         return replace(self, center=center, slope=slope, error=error, steps=self.steps + 1)
 
-    @property
-    def state(self) -> State:
-        return self.state_with(Doubt(np.zeros_like(self.steps), np.full_like(self.steps, -1)))
-
-    def state_with(self, doubt: Doubt) -> State:
-        """Return the state, for a step that notes or settles its doubts."""
+    def state(self, side: int = -1) -> list[Affine]:
+        """Return the state, for a step that notes its doubts, or assumes a side of its jumps."""
+        doubt = Doubt(np.zeros_like(self.steps), np.full_like(self.steps, side))
         columns = zip(self.center, self.slope, self.error, strict=True)
         return [Affine(*column, doubt) for column in columns]
 
@@ -201,45 +201,44 @@ class Reach:
         start = np.array(plant.start, dtype=np.float64)  # [d, 2]
         self._width = start[:, 1] - start[:, 0]
         self._varies = self._width > 0
+        made = from_a_start(plant, acting.n_actions)
+        wide = [one.high - one.low > 1e-6 * (1.0 + np.abs(one.low)) for one in made]  # disturbed
+        self._large = _LARGE if np.any(wide) else 0.0
         self._waiting = [_Boxes.beginning(start[:, :1], start[:, 1:], self._varies)]
-        self._found: list[tuple[_Boxes, Integers, Integers]] = []
-        self._owners = 0
+        self._found: list[tuple[Floats, Floats, Integers, Integers, Integers]] = []
+        self._kept = self._owners = 0
         self.box_steps = 0
 
     def pieces(self) -> Pieces:
         """Return the pieces of the starts, and when the event happens to each."""
         with np.errstate(all="ignore"):  # a number without bounds is NaN, and then nothing is sure
-            self._carry(self._next(None))
+            self._carry(self._waiting.pop())
         return self._joined()
 
     def _carry(self, boxes: _Boxes) -> None:
         while len(boxes):
-            if self.box_steps > self._effort.box_steps:
+            if self.box_steps > self._effort.box_steps or self._kept >= self._effort.pieces:
                 self._give_up(boxes)
-                boxes = self._next(None)
-                continue
-            boxes = self._moved(self._decided(boxes))
+                boxes = boxes[:0]
+            else:
+                boxes = self._moved(self._decided(boxes))
             if len(boxes) < _AT_ONCE // 2 and self._waiting:
                 boxes = self._next(boxes)
 
-    def _next(self, boxes: _Boxes | None) -> _Boxes:
+    def _next(self, boxes: _Boxes) -> _Boxes:
         """Return boxes together with some of those that wait."""
-        parts = [] if boxes is None else [boxes]
-        size = sum(map(len, parts))
-        while self._waiting and size < _AT_ONCE:
+        parts, room = [boxes], _AT_ONCE - len(boxes)
+        while self._waiting and room > 0:
             part = self._waiting.pop()
-            room = _AT_ONCE - size
             if len(part) > room:
                 self._waiting.append(part[room:])
-                part = part[:room]
-            parts.append(part)
-            size += len(part)
-        none = np.empty((self._width.size, 0))
-        return _Boxes.joined(parts or [_Boxes.beginning(none, none, self._varies)])
+            parts.append(part[:room])
+            room -= len(parts[-1])
+        return _Boxes.joined(parts)
 
     def _decided(self, boxes: _Boxes) -> tuple[_Boxes, Integers]:
         """Return boxes and the one action that is taken in each; others are cut, or branch."""
-        possible = self._acting(boxes.state)
+        possible = self._acting(boxes.state())
         several = (possible & (possible - 1)) != 0
         if not several.any():
             return boxes, _action(possible)
@@ -249,19 +248,17 @@ class Reach:
         self._give_up(boxes[lost])
         parts, actions = [boxes[~several]], [_action(possible[~several])]
         branching = several & ~cut & ~lost
-        if branching.any():
-            small, sets = self._owned(boxes[branching]), possible[branching]
-            for bit in range(int(sets.max()).bit_length()):
-                takes = (sets >> bit) & 1 == 1
-                parts.append(small[takes])
-                actions.append(np.full(int(takes.sum()), bit))
+        small, sets = self._owned(boxes[branching]), possible[branching]
+        for bit in range(int(sets.max(initial=0)).bit_length()):
+            takes = (sets >> bit) & 1 == 1
+            parts.append(small[takes])
+            actions.append(np.full(int(takes.sum()), bit))
         return _Boxes.joined(parts), np.concatenate(actions)
 
     def _owned(self, boxes: _Boxes) -> _Boxes:
         """Return boxes with the number of the piece whose branches they are now."""
         fresh = boxes.owner < 0
-        owner = boxes.owner.copy()
-        owner[fresh] = self._owners + np.arange(int(fresh.sum()))
+        owner = np.where(fresh, self._owners + np.cumsum(fresh) - 1, boxes.owner)
         self._owners += int(fresh.sum())
         return replace(boxes, owner=owner, branches=boxes.branches + 1)
 
@@ -295,21 +292,20 @@ class Reach:
         straddle two jumps in one step are left as wide as both make them.
         """
         self.box_steps += len(boxes)
-        doubt = Doubt(np.zeros_like(boxes.steps), np.full_like(boxes.steps, -1))
-        later = boxes.at(self._plant.step(boxes.state_with(doubt), action))
-        unsure = doubt.unsure > 0
+        state = boxes.state()
+        later = boxes.at(self._plant.step(state, action))
+        unsure = state[0].doubt.unsure > 0
         if not unsure.any():
-            return later, later.state
+            return later, later.state()
         wide = unsure & self._is_wide(boxes)
         self._cut(boxes[wide])
-        once = ~wide & (doubt.unsure == 1)
+        once = ~wide & (state[0].doubt.unsure == 1)
         small = self._owned(boxes[once])
         parts = [later[~wide & ~once]]
         for side in (0, 1):
-            doubt = Doubt(np.zeros_like(small.steps), np.full_like(small.steps, side))
-            parts.append(small.at(self._plant.step(small.state_with(doubt), action[once])))
+            parts.append(small.at(self._plant.step(small.state(side), action[once])))
         later = _Boxes.joined(parts)
-        return later, later.state
+        return later, later.state()
 
     def _marked(self, boxes: _Boxes, small: Booleans) -> _Boxes:
         """Note that the event may have happened to small pieces; they go on, for it may not."""
@@ -320,11 +316,18 @@ class Reach:
         return replace(boxes, owner=owner)
 
     def _is_wide(self, boxes: _Boxes) -> Booleans:
-        """Return which pieces may be cut: they are wide enough, and have not branched."""
-        width = boxes.start_high - boxes.start_low
-        side = self._effort.smallest ** (1.0 / max(self._varies.sum(), 1))
-        wide = width > side * self._width[:, None]
-        return np.asarray(wide.any(axis=0) & (boxes.owner < 0))
+        """Return which pieces may be cut: they are wide enough, and have not branched.
+
+        In a disturbed plant also: they are large, or the start still tells where they go. Boxes of
+        halves are as wide where it does not, and as undecided.
+        """
+        width, root = boxes.start_high - boxes.start_low, 1.0 / max(self._varies.sum(), 1)
+        wide, large = (
+            (width > share**root * self._width[:, None]).any(axis=0)
+            for share in (self._effort.smallest, self._large)
+        )
+        tells = (np.abs(boxes.slope).sum(axis=1) > boxes.error / 8).any(axis=0)
+        return np.asarray(wide & (large | tells) & (boxes.owner < 0))
 
     def _cut(self, boxes: _Boxes) -> None:
         """Let both halves of pieces begin again, cut across their widest number."""
@@ -348,23 +351,20 @@ class Reach:
 
     def _keep(self, boxes: _Boxes, first: Integers, last: Integers) -> None:
         if len(boxes):
-            self._found.append((boxes, first, last))
+            self._kept += len(boxes)
+            self._found.append((boxes.start_low, boxes.start_high, boxes.owner, first, last))
 
     def _joined(self) -> Pieces:
         """Return the decided pieces, the branches of each piece together."""
-        boxes = _Boxes.joined([part for part, _, _ in self._found])
-        first, last = (np.concatenate([part[k] for part in self._found]) for k in (1, 2))
-        earliest = np.full(self._owners, NEVER)
-        latest = np.zeros(self._owners, dtype=np.int64)
-        has_owner = boxes.owner >= 0
-        owner = boxes.owner[has_owner]
-        np.minimum.at(earliest, owner, first[has_owner])
-        np.maximum.at(latest, owner, last[has_owner])
-        first[has_owner], last[has_owner] = earliest[owner], latest[owner]
-        _, representative = np.unique(owner, return_index=True)
-        kept = np.r_[np.flatnonzero(~has_owner), np.flatnonzero(has_owner)[representative]]
-        low, high = boxes.start_low.T[kept], boxes.start_high.T[kept]
-        return Pieces(self._plant.state, low, high, first[kept], last[kept])
+        columns = zip(*self._found, strict=True)
+        low, high, owners, first, last = (np.concatenate(column, -1) for column in columns)
+        n = len(owners)
+        group = np.where(owners < 0, np.arange(n), n + owners)  # those alone come first
+        _, kept, group = np.unique(group, return_index=True, return_inverse=True)
+        earliest, latest = np.full(len(kept), NEVER), np.zeros(len(kept), dtype=np.int64)
+        np.minimum.at(earliest, group, first)
+        np.maximum.at(latest, group, last)
+        return Pieces(self._plant.state, low.T[kept], high.T[kept], earliest, latest)
 
 
 def _action(possible: Integers) -> Integers:

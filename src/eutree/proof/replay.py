@@ -103,8 +103,9 @@ def check_plant(
         generator: Source of all chance.
 
     Raises:
-        InvalidArgumentError: A real state left the box that it must be in, or an episode began
-            elsewhere, went on after the plant had surely arrived, or ended where that moves on.
+        InvalidArgumentError: A real state left the box that it must be in, a step earned another
+            reward, or an episode began elsewhere, went on after the plant had surely arrived, or
+            ended where that moves on.
     """
     if plant.by_chance:
         raise InvalidArgumentError(
@@ -113,8 +114,9 @@ def check_plant(
         )
     env, (least, most) = plant.make(), np.array(plant.start).T
     plant.check_seen(env)
+    guard = GuardedEnv(env, max_episode_steps=steps + 1)  # one for all episodes, to warn once
     for _ in range(episodes):
-        env.reset(seed=int(generator.integers(2**31)))
+        guard.reset(seed=int(generator.integers(2**31)))
         began = plant.state_of(env)
         if not ((least <= began) & (began <= most)).all():
             raise InvalidArgumentError(
@@ -122,15 +124,12 @@ def check_plant(
                 f"outside of {plant.start}"
             )
         plant.put(env, generator.uniform(least, most))
-        _follow(plant, env, steps, generator)
+        _follow(plant, guard, steps, generator)
     env.close()
 
 
-def _follow(
-    plant: Plant, env: gymnasium.Env[Any, Any], steps: int, generator: np.random.Generator
-) -> None:
-    guard, action = GuardedEnv(env, max_episode_steps=steps + 1), 0
-    n_actions = guard.schema.n_actions
+def _follow(plant: Plant, guard: GuardedEnv, steps: int, generator: np.random.Generator) -> None:
+    env, action, n_actions = guard.env, 0, guard.schema.n_actions
     for _ in range(steps):
         if generator.random() < 0.1:
             action = int(generator.integers(n_actions))
@@ -139,8 +138,13 @@ def _follow(
         low, high = (before + sign * room * generator.random(before.size) for sign in (-1, 1))
         boxes = [Intervals(a[None], b[None]) for a, b in zip(low, high, strict=True)]
         found = plant.step(boxes, np.array([action]))
-        _, _, over, _, _ = guard.step(action)
+        _, reward, over, _, _ = guard.step(action)
         after = plant.state_of(env)
+        if plant.reward is not None and not np.isclose(reward, plant.reward):  # of any precision
+            raise InvalidArgumentError(
+                f"plant must earn as {plant.environment} does: after action {action} in "
+                f"{before.tolist()}, the reward is {reward}, and the plant's is {plant.reward}"
+            )
         for name, now, box in zip(plant.state, after.tolist(), found, strict=True):
             if not box.low[0] <= now <= box.high[0]:
                 raise InvalidArgumentError(
@@ -189,10 +193,9 @@ def starts_among(pieces: Pieces, chosen: Booleans) -> Starts | None:
 
 def digest_of(certificate: Certificate) -> str:
     """Return the SHA-256 of where episodes begin; empty for a certificate without starts."""
-    starts = certificate.starts
-    return (
-        "" if starts is None else sha256(starts.low.tobytes() + starts.high.tobytes()).hexdigest()
-    )
+    if (starts := certificate.starts) is None:
+        return ""
+    return sha256(starts.low.tobytes() + starts.high.tobytes()).hexdigest()
 
 
 def _joined(low: Floats, high: Floats, along: int) -> tuple[Floats, Floats]:

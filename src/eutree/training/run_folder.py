@@ -290,6 +290,8 @@ def _check_same(
     pairs |= _choices(_method(path, found, kind), wanted.method)
     for name, (one, other) in pairs.items():
         if one != other:
+            if name in ("demonstrations", "expert", "starts"):  # hashes, which tell nobody anything
+                one, other = "that are not those given now", "these"
             raise RunFolderError(
                 f"{path}: the run was started with {name} {one}, "
                 f"so it cannot be resumed with {other}"
