@@ -4,8 +4,7 @@ Squares of a board, cards in a hand: neighbouring codes need not have anything i
 a step leads is a lottery among a few places whose mean is none of them. So a tree of the *outcome*
 takes the place of trees of means: displacement, reward and kind of end together are one class, and
 a leaf draws one of the outcomes that were stored in it, whole. The tree is the shortest description
-of the classes that is found, by the prices of ``dynamics.fit_termination``: cells whose outcomes
-are alike are counted together, others apart.
+of the classes that is found: cells whose outcomes are alike are counted together, others apart.
 
 An observation has two more numbers behind it that no policy sees, the reward of the step and how it
 ended: so the same kernels run this world. Both are forgotten at the next step.
@@ -19,9 +18,10 @@ import numpy as np
 from eutree.arrays import Booleans, Floats, Integers
 from eutree.features import threshold_between
 from eutree.world_model._kernels_regression import ModelTree
-from eutree.world_model.dynamics import PRICE, SURE, WorldModel, unrolled, without_residuals
+from eutree.world_model.dynamics import SURE, WorldModel, unrolled, without_residuals
 from eutree.world_model.transitions import MOST_CELLS, Transitions
 
+PRICE = 2.0  # of a class of a leaf, and of a test: Akaike's of a number
 MOST_NODES = 8 * MOST_CELLS
 N_HIDDEN = 2  # reward and end, behind the observation
 MOST_REWARDS = 16  # that are told apart as classes
