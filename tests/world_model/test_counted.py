@@ -159,6 +159,14 @@ def test_the_curious_go_to_what_was_seldom_tried():
     assert [act(best, [s]) for s in range(4)] == [0, 0, 0, 0]
 
 
+def test_a_square_beside_others_is_not_counted_with_them_for_a_few_visits_alone():
+    """A hole in the ice: nine visits are enough to know it."""
+    n = np.full((12, 4), [3.0, 3.0, 3.0, 0.0])
+    n[5] = 3, 0, 3, 3  # the hole
+    _, leaf = shortest_tree(np.arange(12.0)[:, np.newaxis], n)
+    assert (leaf == leaf[5]).sum() == 1
+
+
 @pytest.mark.parametrize(("limit", "found"), [(None, 60), (20, 20)])
 def test_a_tree_of_codes_has_as_many_leaves_as_it_needs_where_none_are_named(limit, found):
     """A taxi needs 79, and with 40 it leaves passengers standing."""

@@ -114,9 +114,7 @@ class EvasionVectorEnv(VectorEnv[Floats, Integers, Any]):
             options: None are known; copies cannot be reset apart.
         """
         if options and "reset_mask" in options:
-            raise InvalidArgumentError(
-                f"options must have no reset_mask: all copies begin together, got {shown(options)}"
-            )
+            raise InvalidArgumentError(f"options must have no reset_mask, got {shown(options)}")
         self._seed(seed)
         every = np.ones(self.num_envs, dtype=np.bool_)
         self._draw(every)

@@ -85,7 +85,7 @@ def annealed_together(
     Each of them has run in its rollouts, few of which are enough, and tries so many changes.
     ``scale`` is a typical size of returns.
     """
-    generator, allowed = rollouts[0].generator, improvement.most_leaves
+    generator, allowed = rollouts[0].generator, improvement.limit
     spare = max(n_leaves(one.policy) for one in rollouts) - allowed
     price, best = improvement.price * scale, [(-np.inf, one.policy) for one in rollouts]
     widest = allowed + max(0, spare)

@@ -63,7 +63,7 @@ class Improvement:
         check_number("price", self.price, low=0.0)
 
     @property
-    def most_leaves(self) -> int:
+    def limit(self) -> int:
         """Most leaves of a tree that grew by changes."""
         return MOST_LEAVES if self.max_leaves is None else self.max_leaves
 
@@ -97,7 +97,7 @@ class Improvement:
         Cut to size, a policy may grow again by a few leaves that cost nothing and is cut once more:
         so leaves move to where they earn most. Arguments are those of ``improve``.
         """
-        wide = replace(self, price=0.0, max_leaves=self.most_leaves + GROWN)
+        wide = replace(self, price=0.0, max_leaves=self.limit + GROWN)
         rollouts.redraw()
         rollouts.run(policy)
         for cycle in range(CYCLES):
@@ -111,7 +111,7 @@ class Improvement:
 
     def cut(self, rollouts: PairedRollouts) -> None:
         """Cut the policy to size: the node first by which least is lost, thresholds moved after."""
-        while n_leaves(rollouts.policy) > self.most_leaves:
+        while n_leaves(rollouts.policy) > self.limit:
             policy = rollouts.policy
             most, chosen = -np.inf, policy
             for node in np.flatnonzero(policy.feature >= 0).tolist():
@@ -146,7 +146,7 @@ class Improvement:
                 needed = price * (n_leaves(challenger) - 1)
                 gain = rollouts.gain(challenger, hopeless=needed + most)
                 passes = gain.complete and gain.mean - gain.error > needed
-                if passes and n_leaves(challenger) <= self.most_leaves and gain.mean - needed > most:
+                if passes and n_leaves(challenger) <= self.limit and gain.mean - needed > most:
                     most, chosen = gain.mean - needed, challenger
         if chosen is not None:
             rollouts.run(chosen)
@@ -161,7 +161,7 @@ class Improvement:
             if leaf in changes:
                 continue
             challenger = packed(nested(base, instead={**changes, leaf: change}))
-            if n_leaves(challenger) > self.most_leaves:
+            if n_leaves(challenger) > self.limit:
                 continue
             needed = price * (n_leaves(challenger) - n_leaves(rollouts.policy))
             gain = rollouts.gain(challenger, hopeless=needed)
