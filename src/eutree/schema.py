@@ -314,7 +314,7 @@ class Schema:
 
         The levels of controls must be the same, too, where both have any. Units and bounds may
         differ: a decision does not depend on them. Features, or actions, that have numbers in place
-        of names here are compared by their number alone.
+        of names here are compared by their number; of features one's bounds hold the other's.
 
         Args:
             other: The schema that was given.
@@ -325,7 +325,7 @@ class Schema:
         if not self._names_fit(other, either=either):
             hint = "; names of a file are given here, too, by --names, or kept by demos rename"
             alike = len(self.features) in (len(other.features), len(other.measured.features))
-            alike = alike and self._bounds_fit(other)  # else other names would not help
+            hint = hint if self._bounds_fit(other) else "; without names, bounds tell them apart"
             raise InvalidArgumentError(
                 f"{what} must have the features and actions of {of}, {list(self.feature_names)} "
                 f"and {list(self.actions)}, got {list(other.feature_names)} and "
@@ -423,10 +423,10 @@ class Schema:
         )
 
     def _bounds_fit(self, other: "Schema") -> bool:
-        """Return whether bounds are the same where both are known; of features without names."""
+        """Return whether the bounds of one feature are within the other's, but for rounding."""
         pairs = zip(self.features, other.features, strict=False)
-        ends = (ends for a, b in pairs for ends in ((a.low, b.low), (a.high, b.high)))
-        return all(mine == theirs or math.inf in map(abs, (mine, theirs)) for mine, theirs in ends)
+        ends = ([[float(f"{x:.6g}") for x in (f.low, f.high)] for f in pair] for pair in pairs)
+        return all([min(a[0], b[0]), max(a[1], b[1])] in (a, b) for a, b in ends)
 
     @classmethod
     def anonymous(cls, n_features: int, n_actions: int) -> "Schema":
