@@ -314,7 +314,7 @@ class Schema:
 
         The levels of controls must be the same, too, where both have any. Units and bounds may
         differ: a decision does not depend on them. Features, or actions, that have numbers in place
-        of names here are compared by their number; of features one's bounds hold the other's.
+        of names here are compared by their number; bounds of one feature must hold the other's.
 
         Args:
             other: The schema that was given.
@@ -410,15 +410,15 @@ class Schema:
             mine == theirs
             or (
                 len(mine) == len(theirs)
-                and fits
                 and any(
                     all(map(numbered.fullmatch, names)) for names in (mine, theirs)[: 1 + either]
                 )
                 and len(self.derived) == len(other.derived)
+                and (numbered is _NUMBERED_ACTION or self._bounds_fit(other))
             )
-            for mine, theirs, numbered, fits in (
-                (named.feature_names, other.feature_names, _NUMBERED, self._bounds_fit(other)),
-                (self.actions, other.actions, _NUMBERED_ACTION, True),
+            for mine, theirs, numbered in (
+                (named.feature_names, other.feature_names, _NUMBERED),
+                (self.actions, other.actions, _NUMBERED_ACTION),
             )
         )
 

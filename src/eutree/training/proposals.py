@@ -18,7 +18,7 @@ from eutree.contests.rules import OBVIOUS, Lead, lead_apart
 from eutree.data import Episode
 from eutree.policies import TreePolicy
 from eutree.policy_search.climbing import annealed, annealed_together, climbed, restarts
-from eutree.policy_search.improvement import Improvement
+from eutree.policy_search.improvement import MOST_LEAVES, Improvement
 from eutree.policy_search.planner import FEWEST_ROLLOUTS
 from eutree.policy_search.variation import Variation
 from eutree.validation import check_amounts, check_integer, check_number
@@ -87,7 +87,6 @@ def _add_what_follows(gains: Floats, last: Booleans) -> None:
         gains[i] = ahead
 
 
-MOST_LEAVES = 40
 ROWS_PER_LEAF = 100  # of a detailed model
 DEARER = (1.0, 6.0)  # prices of a leaf at which each model proposes
 LARGER = 2  # times the leaves allowed that a tree of good episodes has at most, before it is cut

@@ -24,8 +24,8 @@ from eutree.contests import Ahead, Halving
 from eutree.data import Episode
 from eutree.interaction.episode import Stream
 from eutree.policies import TreePolicy
+from eutree.policy_search.improvement import MOST_LEAVES
 from eutree.training.proposals import (
-    MOST_LEAVES,
     PROMISING,
     Advantages,
     Proposals,
