@@ -21,7 +21,7 @@ import gymnasium
 import numpy as np
 
 import eutree
-from eutree.interaction import DecodedObservation
+from eutree.interaction import DecodedObservation, GriddedAction
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the examples, and what is beside
 
@@ -44,9 +44,12 @@ TASKS = {
     "CliffWalking-v1": 20_000,
     "Blackjack-v1": 20_000,
     "Taxi-v4": 50_000,
+    "Pendulum-v1": 20_000,
 }
-# The last commits at which a single action that is no good stayed, and at which nothing counted.
-BEFORE = ("f712b558", "69af6808")
+# The last commits at which a single action that is no good stayed, at which nothing counted, and at
+# which angles were planned.
+BEFORE = ("f712b558", "69af6808", "5dd23141")
+TORQUES = {"torque": [-2.0, 0.0, 2.0]}
 LIMITS = {"CliffWalking-v1": 200}  # steps; it names none itself
 HEAD = """\
 # What is learned from nothing
@@ -57,13 +60,15 @@ Mean return of ten runs with 95 % interval, worst run, leaves, and share of epis
 where the task has a success; 200 fresh episodes a run, seeds from 20,000 on, tuned on others. Every
 run is a row of `from-nothing.csv`. [What changed](../decisions/from-nothing.md), and [from
 FrozenLake on](../decisions/counted-worlds.md). CliffWalking has a limit of 200 steps, Taxi is
-decoded.
+decoded, and the pendulum has three torques.
 """
 
 
 def made(task: str) -> Any:
-    """Return the environment of a task, with a time limit, and Taxi's codes decoded."""
+    """Return the environment of a task, with a time limit, and few actions; Taxi's is decoded."""
     env = gymnasium.make(task, max_episode_steps=LIMITS.get(task))
+    if task.startswith("Pendulum"):
+        return GriddedAction(env, TORQUES)
     return DecodedObservation(env) if task.startswith("Taxi") else env
 
 

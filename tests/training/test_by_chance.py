@@ -1,5 +1,6 @@
 """A method that needs demonstrations, where there are none, begins from random episodes."""
 
+import gymnasium
 import numpy as np
 import pytest
 from gymnasium.envs.classic_control import CartPoleEnv
@@ -8,9 +9,11 @@ from gymnasium.wrappers import TimeLimit
 import eutree
 from eutree.cli.main import run
 from eutree.errors import InvalidArgumentError
+from eutree.interaction import GriddedAction
 from eutree.learners.distilled_dqn import DistilledDQN
 from eutree.neural import DoubleDQNSettings
-from eutree.training.planned import default_for
+from eutree.training.planned import default_for, shown_by_chance
+from eutree.training.values import Asked, Budget
 from eutree.world_model.ensemble import EnsembleSettings
 
 SMALL = DistilledDQN(
@@ -28,6 +31,30 @@ QUICK = {"evaluate_every": 10**6, "evaluation_episodes": 1, "judge_episodes": 0,
 )
 def test_what_learns_from_nothing_depends_on_features_and_steps(features, steps, name):
     assert default_for(None, steps, features=features).method.name == name
+
+
+class Counted(gymnasium.Wrapper):
+    """Counts how often episodes begin."""
+
+    begun = 0
+
+    def reset(self, **arguments):
+        self.begun += 1
+        return self.env.reset(**arguments)
+
+
+def test_an_angle_is_seen_at_the_starts_before_anything_is_shown():
+    torques = {"torque": [-2.0, 0.0, 2.0]}
+    env = GriddedAction(gymnasium.make("Pendulum-v1"), torques)
+    run = {"steps": 400, "seed": 3, **QUICK}
+    assert "would need 10000 steps, not 400" in eutree.learn(env, **run).reason
+    cart = Counted(gymnasium.make("CartPole-v1"))
+    asked = Asked(budget=Budget(steps=10_000))
+    shown_by_chance(asked, None, None, cart, seed=3)
+    assert cart.begun == 0
+    choice, shown = shown_by_chance(asked, None, None, env, seed=3)
+    assert choice.method.name == "distilled-dqn"
+    assert len(shown) == 5
 
 
 def test_who_is_shown_too_little_is_not_helped_by_chance():

@@ -15,6 +15,7 @@ from eutree.cli.main import run
 from eutree.data import Episode
 from eutree.envs.experts import EXPERTS, follow_the_fall
 from eutree.errors import InvalidArgumentError
+from eutree.interaction import GriddedAction
 from eutree.learners import DistilledDQN
 from eutree.schema import Schema
 from eutree.training.planned import default_for
@@ -87,6 +88,43 @@ def test_everything_else_is_planned(cart, acrobot):
         assert choice.method.name == "planning"
         assert choice.reason == f"planning learns: {why}"
         assert choice.alternative == alternative
+
+
+def test_an_angle_is_left_to_a_network_however_few_the_features():
+    torques = {"torque": [-2.0, 0.0, 2.0]}
+    env = GriddedAction(gymnasium.make("Pendulum-v1"), torques)
+    shown = eutree.record(env, EXPERTS["Pendulum-v1"]["swing"], episodes=5, seed=0)
+    choice = default_for(shown, 10_000)
+    assert choice.said() == (
+        "distilled-dqn learns: planning does little with an angle's cosine and sine, and 10000 "
+        "steps are enough for a teacher of its own; the other is method 'planning'"
+    )
+    fewer = default_for(shown, 9_999)
+    assert fewer.reason == (
+        "planning learns: of 3 features a network as teacher would need 10000 steps, not 9999"
+    )
+    assert fewer.alternative == "distilled-dqn"
+
+
+@pytest.mark.parametrize(
+    "pair",
+    [
+        lambda angle: (np.cos(angle), np.cos(angle + 1.0)),
+        lambda angle: (angle > 3.0, angle <= 3.0),
+        lambda angle: (0.6 + 0.0 * angle, 0.8 + 0.0 * angle),
+        lambda angle: (3.0 * np.cos(angle), 3.0 * np.sin(angle)),
+    ],
+    ids=["two cosines", "two flags", "a constant angle", "a place on a circle of three metres"],
+)
+def test_what_only_looks_like_an_angle_is_planned(pair):
+    def shown(*pair):
+        rows = np.column_stack([*pair, np.linspace(-8.0, 8.0, 9)])
+        episodes = tuple(Episode(rows, [0, 1] * 4, [1.0] * 8, True, False) for _ in range(5))
+        return eutree.Demonstrations(episodes, Schema.anonymous(3, 2))
+
+    angle = np.linspace(0.0, 6.0, 9)
+    assert default_for(shown(*pair(angle)), 10_000).method.name == "planning"
+    assert default_for(shown(np.cos(angle), np.sin(angle)), 10_000).method.name == "distilled-dqn"
 
 
 SCRIPT = """

@@ -2,20 +2,24 @@
 
 Where no method is named, the one measured to be best for such a task learns. Planning in model
 trees does much with little experience where features are few, and finds nothing to try where they
-are many: imagined returns there order no trees any more. A network as teacher needs steps, the more
-the fewer features there are for it to be ahead, and demonstrations that fix its scales
+are many: imagined returns there order no trees any more. Nor do they where an angle is observed as
+its cosine and sine, which turn into each other. A network as teacher needs steps, the more the
+fewer features there are for it to be ahead, and demonstrations that fix its scales
 (docs/results/auto.md has the tasks and figures). Where both could learn the sentence says which the
 other is.
 """
 
 import logging
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any, cast
 
 import gymnasium
+import numpy as np
 
+from eutree.arrays import Floats
 from eutree.data import Demonstrations
 from eutree.display import counted
 from eutree.errors import InvalidArgumentError
@@ -37,6 +41,7 @@ from eutree.validation import check_integer, check_listed
 
 # Steps that a teacher needs, by the number of features from which on; fewer features are planned.
 ENOUGH_STEPS = {12: 20_000, 6: 90_000}
+ENOUGH_FOR_ANGLES = 10_000  # where fewer features have a cosine and sine among them
 ENOUGH_SHOWN = 5  # demonstrations
 
 TEACHING = "distilled-dqn"
@@ -71,11 +76,13 @@ def default_for(
     *,
     teacher: bool = False,
     features: int | None = None,
+    turns: bool = False,
 ) -> ChosenMethod:
     """Return the method that learns where none is named, and why.
 
     ``steps`` are the budget, None where it is counted otherwise. ``features`` is how many the
-    environment has, if a run may show itself what nobody has shown.
+    environment has, if a run may show itself what nobody has shown, and ``turns`` whether two of
+    them are an angle's cosine and sine, as far as that is not seen in what was shown.
     """
     if teacher:
         return ChosenMethod(method_of(TEACHING), "distilled-dqn learns: it asks the teacher")
@@ -84,6 +91,9 @@ def default_for(
         return _planning(f"a network as teacher would need {ENOUGH_SHOWN} demonstrations")
     enough = next((n for k, n in ENOUGH_STEPS.items() if known >= k), None)
     many = counted(known, "feature")
+    why = f"{many} are many for planning"
+    if enough is None and (turns or (shown is not None and _turns(shown.observations))):
+        enough, why = ENOUGH_FOR_ANGLES, "planning does little with an angle's cosine and sine"
     few = f"{many} {'is' if known == 1 else 'are'} few enough for it"
     if steps is None:
         return _planning(few if enough is None else "a network as teacher needs a budget of steps")
@@ -93,10 +103,19 @@ def default_for(
         return _planning(
             f"of {many} a network as teacher would need {enough} steps, not {steps}", open_=True
         )
-    reason = f"{many} are many for planning, and {steps} steps are enough for a teacher"
-    return ChosenMethod(
-        method_of(TEACHING), f"distilled-dqn learns: {reason} of its own", DEFAULT.name
-    )
+    reason = f"distilled-dqn learns: {why}, and {steps} steps are enough for a teacher of its own"
+    return ChosenMethod(method_of(TEACHING), reason, DEFAULT.name)
+
+
+def _turns(observations: Floats) -> bool:
+    """Return whether two features, shape [n, d], are an angle's cosine and sine wherever it was."""
+    moving = np.ptp(observations, axis=0) > 0.0
+    moving &= (np.abs(observations) <= 1.0).all(axis=0) & (observations % 1.0 != 0.0).any(axis=0)
+    if moving.sum() < 2:
+        return False
+    from eutree.world_model.ensemble import circles_of  # and networks: few have an angle
+
+    return circles_of(observations, np.flatnonzero(moving).tolist()).size > 0
 
 
 @cache
@@ -107,6 +126,15 @@ def say(sentence: str) -> None:
 
 def _planning(reason: str, *, open_: bool = False) -> ChosenMethod:
     return ChosenMethod(DEFAULT, f"planning learns: {reason}", TEACHING if open_ else "")
+
+
+def _begins_at_angles(env: GuardedEnv, seeds: Sequence[int]) -> bool:
+    """Return whether a few features may be, and at the starts are, an angle's cosine and sine."""
+    features = env.schema.features
+    allowed = sum(one.low >= -1.0 and one.high <= 1.0 and not one.is_integer for one in features)
+    if allowed < 2 or len(features) >= min(ENOUGH_STEPS):
+        return False
+    return _turns(np.array([env.reset(seed) for seed in seeds]))
 
 
 EPISODES = 400  # where no budget is named
@@ -126,7 +154,9 @@ def shown_by_chance(
     """
     guarded = GuardedEnv(env, strict=asked.strict)
     schema, folder = guarded.schema, asked.folder
-    choice = _choice_of(method, start, asked, None, features=schema.n_features)
+    seeds = [episode_seed(seed, number, Stream.RECORDING) for number in range(ENOUGH_SHOWN)]
+    turns = method in (None, "auto") and start is None and _begins_at_angles(guarded, seeds)
+    choice = _choice_of(method, start, asked, None, features=schema.n_features, turns=turns)
     if start is not None or not choice.method.needs.chance_will_do:
         return choice, None
     begins = f"it begins from {ENOUGH_SHOWN} episodes of random actions, for nothing is shown"
@@ -134,8 +164,7 @@ def shown_by_chance(
     if folder is not None and folder.resume and (kept := Path(folder.path) / SHOWN).exists():
         return choice, Demonstrations.load(kept)
     chance, episodes = generator_of(seed, Stream.START, 0), []
-    for number in range(ENOUGH_SHOWN):
-        begun = episode_seed(seed, number, Stream.RECORDING)
+    for begun in seeds:
         steps = EpisodeSteps(guarded, guarded.reset(begun))
         while not steps.is_over:
             steps.take(random_action(chance, schema.n_actions, guarded.allowed))
@@ -263,6 +292,7 @@ def _choice_of(
     *,
     offline: bool = False,
     features: int | None = None,
+    turns: bool = False,
 ) -> ChosenMethod:
     """Return the method that is meant, and why where nobody said so; that is said aloud, too."""
     if isinstance(method, ChosenMethod):
@@ -279,7 +309,7 @@ def _choice_of(
     if offline or any(only_planning) or start not in (None, "demos", "tree+demos"):
         return ChosenMethod(method_of("corrected" if offline else "default"), "")
     teacher = asked.teacher is not None
-    choice = default_for(shown, asked.budget.steps, teacher=teacher, features=features)
+    choice = default_for(shown, asked.budget.steps, teacher=teacher, features=features, turns=turns)
     if choice.alternative:
         say(choice.said())
     return choice
