@@ -15,7 +15,7 @@ from eutree.errors import InvalidArgumentError
 from eutree.interaction.episode import Stream, episode_seed
 from eutree.interaction.guard import GuardedEnv
 from eutree.interaction.spaces import describe
-from eutree.recording.controls import SPEEDS, takes_turns
+from eutree.recording.controls import MOST_TURNS, SPEEDS, takes_turns
 from eutree.recording.events import (
     Away,
     Command,
@@ -291,6 +291,57 @@ def test_a_turn_before_the_picture_is_not_taken() -> None:
     person.tap("enter").until("playing").wait(0.1)
     person.tap("space").tap("space").tap("space").wait(1.0)
     assert person.view.step == 1
+
+
+def in_turns(**fields):
+    """Return somebody on a grid, quicker than its pace, with the keys that they pressed."""
+    person = Person(Bare(**{"length": 90, "limit": 90} | fields))
+    return person.tap("enter").until("playing")
+
+
+def test_each_of_many_quick_presses_is_one_step() -> None:
+    """Ten presses, 90 ms apart, were six steps."""
+    person, pressed = in_turns(), ["right", "space", "left", "right", "right"] * 2
+    for key in pressed:
+        person.press(key).wait(2 * TICK).release(key).wait(TICK)
+    person.wait(1.0).do("end")
+    (episode,) = person.session.episodes
+    keys = {"left": 0, "space": 1, "right": 2}
+    assert episode.actions.tolist() == [keys[key] for key in pressed]
+    assert np.all(np.diff(episode.steps["time"]) > 0.1 - TICK)
+    assert np.all(np.diff(episode.steps["picture"]) == 1)  # each one from a picture of its own
+
+
+def test_a_held_key_is_one_step_and_only_so_many_wait() -> None:
+    person = in_turns()
+    for _ in range(30):
+        person.press("right")  # the keyboard repeats it
+    assert person.wait(1.0).view.step == 1
+    person.release("right")
+    for _ in range(30):
+        person.tap("right")
+    assert person.wait(3.0).view.step == 2 + MOST_TURNS
+
+
+@pytest.mark.parametrize("how", ["pause", "away", "end"])
+def test_presses_that_wait_are_dropped_where_the_episode_is_left(how: str) -> None:
+    person = in_turns()
+    for _ in range(4):
+        person.tap("right")
+    if how == "away":
+        person.tick(Away("gone"))
+    else:
+        person.do(how)
+    assert person.wait(1.0).view.step == 1
+    assert person.tap("enter").until("playing").wait(1.0).view.step == (0 if how == "end" else 1)
+
+
+def test_presses_after_the_end_are_not_of_the_next_episode() -> None:
+    person = in_turns(limit=2)
+    for _ in range(5):
+        person.tap("right")
+    person.until("review").wait(1.0).tap("enter").until("playing").wait(1.0)
+    assert (person.view.step, len(person.session.episodes[0])) == (0, 2)
 
 
 def test_a_person_who_stops_does_not_truncate() -> None:

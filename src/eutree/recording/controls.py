@@ -1,5 +1,6 @@
 """The controls of a person: the keys under their hands, the pace and the mode of acting."""
 
+from collections.abc import Iterable
 from typing import Any
 
 from gymnasium import Space, spaces
@@ -15,6 +16,7 @@ QUICK = 15.0  # decisions a second; beyond that a person is offered the slowest 
 FRAME_SECONDS = 1.0 / 30.0
 _TOLERANCE = 1e-9
 TURN_SECONDS = 0.25  # of the picture's movement after a step in the turn-based mode
+MOST_TURNS = 10  # pressed, and not taken yet
 
 
 class Pace:
@@ -106,7 +108,7 @@ class Controls:
     def start(self) -> None:
         """Begin an episode: nothing is switched on, and the idle action was the last one."""
         self.action = self.keys.idle or 0  # the last one taken
-        self.turn: list[str] | None = None  # the keys of a turn that waits to be taken
+        self.turns: list[list[str]] = []  # the keys of each turn that waits to be taken
         self._switched: int | None = None  # the action that is on, in the toggle mode
 
     def press(self, key: str) -> None:
@@ -115,10 +117,15 @@ class Controls:
             action = self.keys.action([key], self.action)
             self._switched = None if self._switched == action else action
 
+    def add_turn(self, keys: Iterable[str]) -> None:
+        """Let keys be a turn, after those that wait, in the turn-based mode."""
+        if self.pace.turn_based:
+            self.turns = [*self.turns, list(keys)][:MOST_TURNS]
+
     def release(self) -> None:
         """Let go of everything."""
         self.held.clear()
-        self._switched = None
+        self.turns, self._switched = [], None
 
     @property
     def is_active(self) -> bool:
@@ -128,12 +135,11 @@ class Controls:
         return any(key in self.keys.keys for key in self.held)
 
     def chosen(self) -> int:
-        """Return the action that the hands mean, of the waiting turn if there is one."""
+        """Return the action that the hands mean, of the next waiting turn if there is one."""
         if self.toggle and not self.pace.turn_based:
             idle = self.action if self.keys.idle is None else self.keys.idle
             return idle if self._switched is None else self._switched
-        held = list(self.held) if self.turn is None else self.turn
-        return self.keys.action(held, self.action)
+        return self.keys.action(self.turns[0] if self.turns else list(self.held), self.action)
 
     def command(self, key: str, *, playing: bool) -> Command | None:
         """Return the command that a key means, while an episode is played or between two."""
@@ -171,7 +177,7 @@ class Controls:
         if command.name != "turn_based":
             self.toggle, self._switched = toggle, None
         if command.name != "toggle":
-            self.pace.turn_based, self.turn = turn_based, None
+            self.pace.turn_based, self.turns = turn_based, []
             self.pace.finish()
 
     def bind(self, key: str, action: int) -> str:

@@ -165,7 +165,7 @@ class Play:
         self.controls.pace.stop(now)
         self._let_go(now)
         self.controls.held.clear()
-        self.controls.turn = None
+        self.controls.turns = []
 
     def leave(self, reason: str, now: float) -> None:
         """Let all keys go, because nobody is there, and pause the episode."""
@@ -191,8 +191,8 @@ class Play:
         if not (self.is_on and key in controls.keys.keys):
             return True
         controls.press(key)
-        if self.controls.pace.turn_based and self.awaits_turn():
-            controls.turn = list(controls.held)
+        if self.awaits_turn():
+            controls.add_turn(controls.held)
         return False
 
     def key_up(self, key: str, frame: int, now: float) -> None:
@@ -214,6 +214,7 @@ class Play:
         if not (self.pictures.is_complete and pace.is_over(now)):
             return None
         if self.trial.is_over:
+            controls.turns = []
             if self.pictures.are_seen(now):
                 self.state, self._review_began = REVIEW, now
         elif self._awaits_key and not controls.is_active:
@@ -221,8 +222,9 @@ class Play:
         elif not pace.turn_based:
             self._awaits_key = False
             return self.controls.chosen()
-        elif controls.turn is not None:
-            action, controls.turn = self.controls.chosen(), None
+        elif controls.turns:
+            action = self.controls.chosen()
+            del controls.turns[0]
             return action
         return None
 

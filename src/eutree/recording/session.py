@@ -220,8 +220,8 @@ class Session:
             if not play.is_on:
                 play.controls.set_mode(command)
         elif name == "wait":
-            if play.controls.pace.turn_based and play.awaits_turn():
-                play.controls.turn = []
+            if play.awaits_turn():
+                play.controls.add_turn(())
         elif name in ("keep", "drop") and isinstance(value, int | float) and value == int(value):
             self.recording.mark(int(value), kept=name == "keep")
         elif name == "bind" and self.state == OPENING and isinstance(value, int | float):
