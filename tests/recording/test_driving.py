@@ -13,7 +13,9 @@ from eutree.interaction import episode_seed
 from eutree.interaction.episode import replay
 from eutree.interaction.guard import GuardedEnv
 from eutree.recording import Recorder, SessionSettings
+from eutree.recording.driving import READ_SECONDS
 from eutree.recording.events import Away, EpisodeChanged, EpisodeEnded
+from eutree.recording.play import REVIEW_SECONDS
 from eutree.recording.scenes import (
     Course,
     Programme,
@@ -24,7 +26,7 @@ from eutree.recording.scenes import (
     worst_first,
 )
 from eutree.trees import DecisionTree
-from tests.recording.people import Corridor, Person
+from tests.recording.people import TICK, Corridor, Person
 
 SCHEMA = GuardedEnv(Corridor()).schema
 LEFT, STAY, RIGHT = 0, 1, 2
@@ -216,11 +218,52 @@ def test_a_tree_is_fitted_again_behind_what_is_stored(person) -> None:
 
     correcting(person, always(STAY), refit)
     until_over(person)
+    person.wait(TICK)
     assert known == [(1, 0)]
     person.tap("delete").wait(0.2)
     assert known == [(1, 0), (1, 1)]
     person.tap("delete").wait(0.2)  # in the middle of the next one
     assert known[2][0] == 2
+
+
+def test_an_end_is_shown_before_the_tree_is_fitted_to_it(person) -> None:
+    """The page was told a second later, and the next episode began when it had just been told."""
+    told = []
+
+    def refit():
+        told.append((person.view.driving.is_over, person.view.driving.ending))
+        person.now += 1.2  # a clock goes on, whatever is fitted
+        return always(STAY)
+
+    correcting(person, always(STAY), refit)
+    while not person.view.driving.is_over:
+        person.wait(TICK)
+    shown = person.now
+    while person.view.driving.number == 1:
+        person.wait(TICK)
+    assert told == [(True, "truncated")]
+    assert person.now - shown == pytest.approx(READ_SECONDS, abs=2 * TICK)
+
+
+@pytest.mark.parametrize("steps", [0, 2])
+def test_who_discards_when_the_next_has_just_begun_means_the_one_that_ended(person, steps) -> None:
+    """The one that ended was kept, and the one under way was discarded."""
+    correcting(person, always(STAY))
+    until_over(person)
+    while person.view.driving.number == 1:
+        person.wait(TICK)
+    seed = person.session.play.trial.seed
+    person.wait(0.1 * steps + 0.05).tap("delete")
+    assert [(row.kept, row.comment) for row in person.view.episodes] == [(False, "discarded")]
+    assert (person.view.driving.number, person.session.play.trial.seed) == (2, seed)
+    person.wait(REVIEW_SECONDS).tap("delete")  # and then the one under way
+    assert [(row.result, row.kept) for row in person.view.episodes][1:] == [("stopped", False)]
+    assert person.view.driving.number == 3
+
+
+def test_what_the_person_did_alone_is_not_discarded_where_a_tree_begins(person) -> None:
+    correcting(person.walk(), always(STAY)).tap("delete")
+    assert [row.kept for row in person.view.episodes] == [True]
 
 
 def test_the_key_that_begins_again_does_not_end_a_pause_of_driving(person) -> None:

@@ -11,7 +11,7 @@ from dataclasses import replace
 from eutree.interaction import GuardedEnv
 from eutree.recording.episodes import Recording, Trial
 from eutree.recording.events import Command, DrivingView
-from eutree.recording.play import DRIVING, OPENING, REVIEW, WATCHING, Play
+from eutree.recording.play import DRIVING, OPENING, REVIEW, REVIEW_SECONDS, WATCHING, Play
 from eutree.recording.scenes import Course, Programme
 from eutree.recording.views import told
 
@@ -32,8 +32,9 @@ class Driving:
         self._is_new = self.is_paused = self._by_hand = False
         self._number = self._n_by_hand = 0
         self._course: Course | None = None
+        self._began_at = 0.0
         self._over_at: float | None = None
-        self._dropped_at: float | None = None  # until the tree is fitted without that episode
+        self._changed_at: float | None = None  # what is stored; until the tree is fitted again
         self._ending = ""
         self._success: bool | None = None
         self._before = (OPENING, Trial(None), play.pictures.pixels)
@@ -76,8 +77,8 @@ class Driving:
         elif name == "finish":
             self._stop()
         elif name in ("end", "discard") or (name == "start" and self._over_at is not None):
-            self._drop(now, "discarded" if name == "discard" else "")
-            self._go_on(now, self._number + 1)
+            if not self._drop(now, "discarded" if name == "discard" else ""):
+                self._go_on(now, self._number + 1)
         elif name == "redo" and self._play.state == WATCHING:
             self._go_on(now, self._number)
         elif name == "pause" or (name == "start" and self.is_paused):
@@ -91,12 +92,15 @@ class Driving:
 
     def advance(self, now: float) -> None:
         """Take the next step if it is due, or go on to the next episode."""
-        play = self._play
-        # What becomes of an episode is stored behind the tick in which that is decided.
-        if self._dropped_at is not None and now > self._dropped_at and self._programme is not None:
-            self._dropped_at = None
-            self._refit()
-            self._course = Course(self._programme.policy)
+        play, programme = self._play, self._programme
+        # What becomes of an episode is stored, and an end shown, behind the tick that decides it:
+        # to fit the tree of all that is stored by then may take more than a second.
+        if self._changed_at is not None and now > self._changed_at and programme is not None:
+            self._changed_at = None
+            if programme.refit is not None:
+                self._programme = programme = replace(programme, policy=programme.refit())
+            if self._over_at is None:
+                self._course = Course(programme.policy)
         if self._is_new and play.state in (OPENING, REVIEW, WATCHING):
             self._begin(now, WATCHING)
         if not self.is_on or self.is_paused:
@@ -152,6 +156,7 @@ class Driving:
             self._stop()
             return
         self._number, self._over_at, self.is_paused = number, None, False
+        self._began_at = now
         self._ending, self._success = "", None
         self._by_hand, self._n_by_hand = False, 0
         self._course = Course(programme.policy)
@@ -173,7 +178,7 @@ class Driving:
         if trial.is_over:
             if play.pictures.are_seen(now):
                 self._over_at = now
-                self._refit()
+                self._changed_at = now if play.state == DRIVING else None
             return
         action = self._decided(self._course.decide(trial.observation, self._env.allowed))
         if play.state == WATCHING:
@@ -198,22 +203,22 @@ class Driving:
         self._n_by_hand += self._by_hand
         return controls.chosen() if self._by_hand else action
 
-    def _refit(self) -> None:
-        """Let the tree of all that is stored by now drive on."""
-        if self._play.state == DRIVING and self._programme is not None and self._programme.refit:
-            self._programme = replace(self._programme, policy=self._programme.refit())
+    def _drop(self, now: float, comment: str) -> bool:
+        """End the driven episode that is under way, or discard the one that is over.
 
-    def _drop(self, now: float, comment: str) -> None:
-        """End the driven episode that is under way, or discard the one that is over."""
-        if self._play.state != DRIVING:
-            return
-        if not self._play.trial.is_over:
-            self._recording.stop(self._play.trial, kept=not comment, comment=comment)
-        elif comment and self._recording.last is not None:
-            self._recording.mark(self._recording.last, kept=False, comment=comment)
-        else:
-            return
-        self._dropped_at = now
+        Return whether that was the one before it, as the next one had hardly begun: it goes on.
+        """
+        recording, trial, last = self._recording, self._play.trial, self._recording.last
+        if self._play.state != DRIVING or (trial.is_over and not comment):
+            return False
+        self._changed_at = now
+        is_late = bool(comment) and self._number > 0 and not trial.is_over
+        is_late &= trial.n_steps == 0 or now < self._began_at + REVIEW_SECONDS
+        if last is not None and (trial.is_over or (is_late and recording.episodes[last].kept)):
+            recording.mark(last, kept=False, comment=comment)
+            return is_late
+        recording.stop(trial, kept=not comment, comment=comment)
+        return False
 
     def _pause(self, now: float, *, on: bool) -> None:
         self.is_paused = on
