@@ -106,6 +106,17 @@ def test_what_is_corrected_is_fitted_at_once_and_shown(folder) -> None:
     assert eutree.TreePolicy.load(folder.with_name("demos-driving.json")) == tree
 
 
+def test_where_all_is_discarded_the_tree_that_was_given_drives_on(folder) -> None:
+    """The recorder ended where the first driven episode was discarded."""
+    views, tree = Views(), eutree.fit_expert_tree(eutree.Demonstrations.load(folder))
+    place = DemonstrationFolder(folder)
+    for number, episode in place.read_all().items():
+        place.write(number, replace(episode, kept=False))
+    maker = PageTree(folder, lambda: gymnasium.make("eutree/Evasion2-v0"))
+    assert maker.driving(tree, views.show).refit() == tree
+    assert views[-1].message.startswith("Nothing is left to imitate")
+
+
 def test_what_is_missing_is_found_in_the_folder(folder) -> None:
     maker = PageTree(folder, lambda: gymnasium.make("eutree/Evasion2-v0"))
     found = maker.missing()

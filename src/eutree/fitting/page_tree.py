@@ -230,22 +230,24 @@ class PageTree:
 
     def driving(self, tree: TreePolicy, show: Show) -> Programme:
         """Return how the person may correct a tree: it is fitted again after each episode."""
-        return Programme(tree, refit=lambda: self._refitted(show))
+        return Programme(tree, refit=lambda: self._refitted(tree, show))
 
-    def _refitted(self, show: Show) -> TreePolicy:
-        """Return the tree of all that is stored by now, corrections included; the page shows it."""
+    def _refitted(self, tree: TreePolicy, show: Show) -> TreePolicy:
+        """Show and return the tree of all that is stored by now; the one given, if nothing is."""
         from eutree.learners import fit_expert_tree
 
         known = Demonstrations.load(self._folder)
-        tree = fit_expert_tree(known)
         driven = sum(episode.by_hand is not None for episode in known)
+        own, message = len(known) - driven, "Nothing is left to imitate: the given tree drives on"
+        with suppress(InvalidArgumentError):
+            tree = fit_expert_tree(known)
+            message = f"Fitted to {own} episodes of yours and {driven} that a tree drove"
         path = self._beside("driving")
         tree.save(path)
         show(
             TreeView(
                 phase=READY,
-                message=f"Fitted to {len(known) - driven} episodes of yours and {driven} that a "
-                "tree drove",
+                message=message,
                 note="Make it again to have it chosen by playing, and judged.",
                 commands=self._commands(path, tree),
                 **_drawn(tree),
