@@ -267,6 +267,9 @@ TEACHES_WORSE = 4  # a folder whose tree succeeds in half of the episodes, and i
 def misleading(tmp_path_factory):
     path = tmp_path_factory.mktemp("people") / "demos"
     recorded_by("evasion", TEACHES_WORSE).save(path)
+    (path / "episode-00014.npz").rename(path / "episode-00020.npz")
+    for number in range(14)[::-1]:  # numbers are no places where some are missing
+        (path / f"episode-{number:05d}.npz").rename(path / f"episode-{number + 3:05d}.npz")
     return path
 
 

@@ -121,7 +121,7 @@ def test_axe_finds_nothing(chromium, tmp_path, axe, screen, schemes) -> None:
         assert findings() == []
 
 
-def hurts_of(*kinds):
+def hurts_of(*kinds, episode=0):
     """Return hurts of these kinds in the first episode, which has at least five steps."""
     strip = StripView(
         number=0,
@@ -130,7 +130,7 @@ def hurts_of(*kinds):
         marks=((2, 4),),
         words="Episode 0, 5 steps. Marked: steps 3 to 4.",
     )
-    segment = Segment(episode=0, start=2, stop=4, seconds=None, action=2, becomes=0)
+    segment = Segment(episode=episode, start=2, stop=4, seconds=None, action=2, becomes=0)
     return tuple(
         HurtView(
             what=what,
@@ -204,10 +204,10 @@ def test_seconds_that_hurt_are_found_cut_and_taken_back(
 
 # Whether the focus stays when other things change, and where it is when its part is rebuilt.
 @contextmanager
-def seeing_what_hurts(chromium, tmp_path):
+def seeing_what_hurts(chromium, tmp_path, **of):
     """Let a person at a desk, who has shown an episode, see two changes that are proposed."""
     maker = ScriptedMaker()
-    maker.hurts = hurts_of("flip", "cut")
+    maker.hurts = hurts_of("flip", "cut", **of)
     with serving(tmp_path, fps=20.0, maker=maker) as served:
         person = with_an_episode(person_at(chromium, served, "desk"))
         served.session.wishes.express("hurting")
@@ -253,6 +253,14 @@ def test_steps_of_a_discarded_episode_offer_no_change(chromium, tmp_path) -> Non
         person.tap("Enter")
         said.nth(0).wait_for(state="detached", timeout=PATIENCE)
         assert changes.evaluate_all("all => all.some((one) => one.disabled)") is False
+
+
+def test_steps_of_another_recorder_s_episode_offer_no_change(chromium, tmp_path) -> None:
+    """Two recorders share a folder; each has its own episodes only."""
+    with seeing_what_hurts(chromium, tmp_path, episode=7) as person:
+        person.page.get_by_text("Another recorder has an episode of these").nth(1).wait_for()
+        changes = person.page.locator("#hurts button")
+        assert changes.evaluate_all("all => all.every((one) => one.disabled)") is True
 
 
 def test_where_nothing_hurts_the_page_says_so(chromium, tmp_path) -> None:

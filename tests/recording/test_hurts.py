@@ -180,6 +180,27 @@ def test_where_the_environment_is_elsewhere_it_goes_on_from_there(person) -> Non
     assert person.view.step == 1
 
 
+def test_of_two_recorders_in_a_folder_each_changes_its_own_episodes(tmp_path) -> None:
+    """What was found in the first file was cut from the first episode of this recorder."""
+    settings = SessionSettings(target=1, makes=True)
+    recorders = [Recorder(Corridor(), tmp_path / "demos", settings=settings) for _ in range(2)]
+    for recorder in recorders:
+        person = Person(session=recorder.session, tick=recorder.tick).walk()
+    lessons = person.session.lessons
+    lessons.hurts = (hurt(), hurt(episode=1))
+    person.do("cut", 0.0).do("again", 0.0)
+    assert (taught(person), person.view.state) == (actions(person), "review")
+    person.do("cut", 1.0)
+    assert taught(person)[0][:4] == [RIGHT, CUT, CUT, RIGHT]
+    person.do("again", 1.0).until("countdown")
+    assert person.view.step == 1
+    for recorder in recorders:
+        recorder.close()
+    first, second, _ = Demonstrations.load(tmp_path / "demos").episodes
+    assert first.taught.tolist() == first.actions.tolist()
+    assert second.taught[:4].tolist() == [RIGHT, CUT, CUT, RIGHT]
+
+
 def test_what_is_cut_is_on_the_disk_and_outlives_a_mark(tmp_path) -> None:
     recorder = Recorder(
         Corridor(), tmp_path / "demos", settings=SessionSettings(target=1, makes=True)

@@ -97,6 +97,22 @@ def test_two_recorders_in_one_folder_play_different_starts(tmp_path) -> None:
     assert redone[0].seed in {episode.seed for episode in episodes if episode.kept}
 
 
+def test_the_numbers_on_the_page_are_those_of_the_folder(tmp_path) -> None:
+    """Each of two recorders in one folder counted its own."""
+    people = [person_in(tmp_path / "demos") for _ in range(2)]
+    for _ in range(2):
+        for person, _ in people:
+            person.walk()
+    people[1][0].tap("enter").until("playing").wait(0.3)
+    people[0][0].tap("enter").until("playing").wait(0.3).do("end")
+    people[1][0].do("end")  # the first view that shows it says its number
+    for (person, recorder), numbers in zip(people, ([0, 2, 5], [1, 3, 4]), strict=True):
+        assert [row.number for row in person.view.episodes] == numbers
+        for number, episode in zip(numbers, person.session.episodes, strict=True):
+            assert recorder.folder.read(number).equals(episode)
+        recorder.close()
+
+
 def test_another_environment_is_refused(tmp_path) -> None:
     person_in(tmp_path / "demos")[1].close()
 

@@ -102,7 +102,9 @@ class PageTree:
         page = _Page(show, stop)
         with suppress(_NobodyWaits):
             best = self._best or self._made(page)
-            known, drawn = Demonstrations.load(self._folder), _drawn(best.tree)
+            place, drawn = DemonstrationFolder(self._folder), _drawn(best.tree)
+            stored = place.read_all()  # once: another recorder may write beside
+            known = Demonstrations(tuple(stored.values()), place.schema, place.environment)
 
             def progress(purpose: str, played: int, most: int) -> None:
                 message = f"Looking for seconds that hurt, {purpose}: {played} of {most} episodes"
@@ -110,7 +112,7 @@ class PageTree:
 
             with closing(self._make()) as env:
                 found = find_hurting(known, env, seed=self._seed, on_progress=progress)
-            hurts = hurt_views(found, list(DemonstrationFolder(self._folder).read_all()))
+            hurts = hurt_views(found, list(stored))
             show(replace(self._verdict(best, said_of(found)), hurts=hurts, was_searched=True))
 
     def make_without(self, show: Show, stop: Callable[[], bool]) -> None:

@@ -5,7 +5,7 @@ the seconds that hurt: a strip for each episode.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -130,7 +130,7 @@ def _hurt_view(one: "Hurt", shown: Demonstrations, numbers: Sequence[int]) -> Hu
         title=_title(one, len(places), shown.schema.actions),
         why=f"{one.why[0].upper()}{one.why[1:]}.",
         reached=f"{one.reached[0].upper()}{one.reached[1:]}.",
-        segments=one.segments,
+        segments=tuple(replace(part, episode=numbers[part.episode]) for part in one.segments),
         strips=tuple(
             _strip(shown, place, numbers[place], [p for p in one.segments if p.episode == place])
             for place in places[:STRIPS]

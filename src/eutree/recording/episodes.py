@@ -126,6 +126,7 @@ class Recording:
     Attributes:
         episodes: All episodes, discarded ones included.
         numbers: The number of each episode in its folder.
+        number: That of the episode under way, until its folder has given it another one.
         last: Place of this session's last episode in the list; None before the first, and after
             one that the person ended before its first step.
         start: Number of the present start. It is advanced when an episode is stored.
@@ -146,6 +147,7 @@ class Recording:
         self._outputs: list[Output] = []
         self.episodes = [episode for _, episode in recorded]
         self.numbers = [number for number, _ in recorded]
+        self.number = 0
         self.last: int | None = None
         self.start = settings.first
         self.missing: Scene | None = None
@@ -185,6 +187,7 @@ class Recording:
         if self._chosen is not None:
             extras = {**extras, "chosen_start": True}
         trial = Trial(observation, self._seed(), extras, held)
+        self.number = max(self.numbers, default=-1) + 1
         self._outputs.append(EpisodeStarted(observation, trial.seed, dict(extras)))
         return trial
 
@@ -231,7 +234,7 @@ class Recording:
         """Put a finished episode into the list, to be stored at once."""
         self.last, self.missing = len(self.episodes), None
         self.episodes.append(episode)
-        self.numbers.append(max(self.numbers, default=-1) + 1)
+        self.numbers.append(self.number)
         self.start += 1
         self._outputs.append(EpisodeEnded(self.last, episode))
 
@@ -300,11 +303,16 @@ class Lessons:
         self._recording.change(one.episode, changed)
 
     def _segments(self, number: int) -> tuple[Segment, ...]:
-        """Return the segments of a number, if they are those of the list of episodes still."""
-        segments = self.hurts[number].segments if 0 <= number < len(self.hurts) else ()
+        """Return the segments of a number by place in the list, if they are those of it still.
+
+        Another recorder's episodes in the same folder are not in the list.
+        """
+        hurt = self.hurts[number].segments if 0 <= number < len(self.hurts) else ()
         episodes = self._recording.episodes
+        places = {number: place for place, number in enumerate(self._recording.numbers)}
+        segments = tuple(replace(one, episode=places.get(one.episode, -1)) for one in hurt)
         are_there = all(
-            one.episode < len(episodes)
+            one.episode >= 0
             and episodes[one.episode].kept
             and set(episodes[one.episode].actions[one.start : one.stop].tolist()) == {one.action}
             for one in segments

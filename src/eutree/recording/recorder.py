@@ -65,12 +65,11 @@ class Recorder:
         self.folder = DemonstrationFolder.create(folder, guarded.schema, guarded.spec, PERSON)
         self.recovered = self.folder.recover()
         recorded = sorted(self.folder.read_all().items())
-        self._files = [number for number, _ in recorded]
         self._running: RunningEpisode | None = None
         self._failure: FileError | None = None
         settings = settings or SessionSettings()
         look_at(env, None if recorded else episode_seed(settings.seed, 0, Stream.PERSON))
-        first = max(settings.first, max(self._files, default=-1) + 1)
+        first = max([settings.first, *(number + 1 for number, _ in recorded)])
         self.session = Session(
             guarded,
             keys=keys,
@@ -112,19 +111,21 @@ class Recorder:
             self._running = None
 
     def _store(self, output: Output) -> None:
+        recording = self.session.recording
         if isinstance(output, EpisodeStarted):
             self._running = self.folder.start_episode(
                 output.observation, seed=output.seed, extras=output.extras
             )
+            recording.number = self._running.number
         elif isinstance(output, EpisodeChanged):
-            self.folder.write(self._files[output.index], output.episode)
+            self.folder.write(recording.numbers[output.index], output.episode)
         elif self._running is not None:
             if isinstance(output, StepTaken):
                 self._running.journal.append(**vars(output))
                 return
             if isinstance(output, EpisodeEnded):
                 self._running.finish(output.episode)
-                self._files.append(self._running.number)
+                recording.numbers[output.index] = self._running.number
             else:
                 self._running.discard()
             self._running = None

@@ -81,7 +81,7 @@ class HurtView:
     title: str  # the proposal, in words
     why: str  # the common trait of the segments
     reached: str  # the result of the tree with them, and without them
-    segments: tuple[Segment, ...]  # consecutive steps of one action: cut, flipped or shown again
+    segments: tuple[Segment, ...]  # cut, flipped or shown again; their episodes as in the folder
     strips: tuple[StripView, ...]  # the episodes that they are of, as many as can be looked at
 
 

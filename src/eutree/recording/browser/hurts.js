@@ -31,8 +31,16 @@ function showHurts() {
 }
 let broughtIntoView = ""; // the hurts that have been
 
+/* The episode of these steps; none where another recorder in the same folder has it. */
+function shownIn(segment) { return view.episodes.find((one) => one.number === segment.episode); }
+
 /* Whether the episodes of these steps still count: nothing is changed in discarded ones. */
-function isThere(hurt) { return hurt.segments.every((one) => view.episodes[one.episode]?.kept); }
+function isThere(hurt) { return hurt.segments.every((one) => shownIn(one)?.kept); }
+
+function whyNot(hurt) {
+  return hurt.segments.every(shownIn) ? "You discarded an episode of these: keep it, or make the tree again."
+    : "Another recorder has an episode of these. To change them, end both and start one again.";
+}
 
 function changeButton(name, text, number, className, canChange) {
   const button = treeButton(name, text, number);
@@ -51,7 +59,7 @@ function hurtCard(hurt, number, isAlone) {
   const more = new Set(hurt.segments.map((one) => one.episode)).size - hurt.strips.length;
   if (more > 0) card.append(line(`And ${more} more ${more === 1 ? "episode" : "episodes"}.`, "soft"));
   card.append(line(hurt.reached, "reached"));
-  if (!isThere(hurt)) card.append(line("You discarded an episode of these: keep it, or make the tree again.", "soft"));
+  if (!isThere(hurt)) card.append(line(whyNot(hurt), "soft"));
   const buttons = document.createElement("div");
   buttons.className = "row-of-buttons";
   const offered = { cut: ["cut"], flip: ["flip", "cut"] }[hurt.what] || [];
