@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from eutree.data import Demonstrations
+from eutree.data import DemonstrationFolder, Demonstrations
 from eutree.errors import EnvironmentFault, FileError, InvalidArgumentError
 from eutree.files import atomic
 from eutree.recording.events import SessionSettings
@@ -160,6 +160,30 @@ def test_a_full_disk_ends_the_session_and_keeps_the_rest(tmp_path, monkeypatch) 
     stored = Demonstrations.load(tmp_path / "demos")
     assert [(e.ending, len(e)) for e in stored.episodes][1] == ("interrupted", steps)
     assert stored.episodes[0].ending == "stopped"
+
+
+@pytest.mark.parametrize("what", ["step", "end", "discard", "start"])
+def test_when_the_disk_is_full_the_page_says_what_is_on_it(tmp_path, monkeypatch, what) -> None:
+    """It said that the episode under way was not used, which every learner used."""
+    person, recorder = person_in(tmp_path / "demos", Corridor(length=50, limit=500))
+    person.tap("enter").until("playing").wait(0.5).tap("e").wait(1.0)
+    if what in ("step", "end"):
+        person.tap("enter").until("playing").wait(0.35)
+
+    def full(descriptor: int, content: bytes) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(atomic, "write_all", full)
+    names = {"step": "faster", "end": "discard"}
+    person.do(names.get(what, what)).until("failed")
+    monkeypatch.undo()
+    recorder.close()
+    folder = DemonstrationFolder(tmp_path / "demos")
+    rows = [(row.number, row.result, row.kept, row.length) for row in person.view.episodes]
+    assert rows == [
+        (number, one.ending, one.kept, len(one)) for number, one in folder.read_all().items()
+    ]
+    assert person.view.saved == len(rows) == (1 if what in ("discard", "start") else 2)
 
 
 SCRIPT = textwrap.dedent(

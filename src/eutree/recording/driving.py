@@ -11,7 +11,16 @@ from dataclasses import replace
 from eutree.interaction import GuardedEnv
 from eutree.recording.episodes import Recording, Trial
 from eutree.recording.events import Command, DrivingView
-from eutree.recording.play import DRIVING, OPENING, REVIEW, REVIEW_SECONDS, WATCHING, Play
+from eutree.recording.play import (
+    DRIVING,
+    FAILED,
+    FINISHED,
+    OPENING,
+    REVIEW,
+    REVIEW_SECONDS,
+    WATCHING,
+    Play,
+)
 from eutree.recording.scenes import Course, Programme
 from eutree.recording.views import told
 
@@ -95,7 +104,8 @@ class Driving:
         play, programme = self._play, self._programme
         # What becomes of an episode is stored, and an end shown, behind the tick that decides it:
         # to fit the tree of all that is stored by then may take more than a second.
-        if self._changed_at is not None and now > self._changed_at and programme is not None:
+        is_behind = self._changed_at is not None and now > self._changed_at
+        if is_behind and programme is not None and play.state not in (FINISHED, FAILED):
             self._changed_at = None
             if programme.refit is not None:
                 self._programme = programme = replace(programme, policy=programme.refit())

@@ -1,6 +1,7 @@
 """A session with a folder: its outputs are stored before anything is shown."""
 
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -8,7 +9,7 @@ from typing import Any
 import gymnasium
 
 from eutree.data import DemonstrationFolder, RunningEpisode
-from eutree.errors import FileError
+from eutree.errors import FileError, FormatError
 from eutree.interaction import GuardedEnv, episode_seed
 from eutree.interaction.episode import Stream
 from eutree.interaction.first_look import look_at
@@ -103,12 +104,20 @@ class Recorder:
             raise failure
 
     def _fail(self, error: FileError) -> None:
-        """End the session; the journal keeps the steps written before the disk was full."""
-        self._failure = error
-        self.session.fail(str(error))
+        """End the session: of its episodes there is what was written before the disk was full."""
+        self._failure, recording = error, self.session.recording
+        numbers = dict.fromkeys(recording.numbers)
         if self._running is not None:
-            self._running.journal.close()
+            numbers[self._running.number] = None
+            with suppress(FileError):
+                self._running.journal.close()
             self._running = None
+        with suppress(FileError, FormatError):
+            stored = self.folder.read_all()
+            recording.numbers = [number for number in numbers if number in stored]
+            recording.episodes = [stored[number] for number in recording.numbers]
+        self.session.play.trial.is_over = True
+        self.session.fail(str(error))
 
     def _store(self, output: Output) -> None:
         recording = self.session.recording
