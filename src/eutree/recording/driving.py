@@ -11,16 +11,7 @@ from dataclasses import replace
 from eutree.interaction import GuardedEnv
 from eutree.recording.episodes import Recording, Trial
 from eutree.recording.events import Command, DrivingView
-from eutree.recording.play import (
-    DRIVING,
-    FAILED,
-    FINISHED,
-    OPENING,
-    REVIEW,
-    REVIEW_SECONDS,
-    WATCHING,
-    Play,
-)
+from eutree.recording.play import DRIVING, OPENING, REVIEW, REVIEW_SECONDS, WATCHING, Play
 from eutree.recording.scenes import Course, Programme
 from eutree.recording.views import told
 
@@ -105,7 +96,7 @@ class Driving:
         # What becomes of an episode is stored, and an end shown, behind the tick that decides it:
         # to fit the tree of all that is stored by then may take more than a second.
         is_behind = self._changed_at is not None and now > self._changed_at
-        if is_behind and programme is not None and play.state not in (FINISHED, FAILED):
+        if is_behind and programme is not None and play.state in (OPENING, REVIEW, DRIVING):
             self._changed_at = None
             if programme.refit is not None:
                 self._programme = programme = replace(programme, policy=programme.refit())
@@ -188,7 +179,8 @@ class Driving:
         if trial.is_over:
             if play.pictures.are_seen(now):
                 self._over_at = now
-                self._changed_at = now if play.state == DRIVING else None
+                if play.state == DRIVING:
+                    self._changed_at = now
             return
         action = self._decided(self._course.decide(trial.observation, self._env.allowed))
         if play.state == WATCHING:

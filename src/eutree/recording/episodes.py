@@ -303,12 +303,10 @@ class Lessons:
         self._recording.change(one.episode, changed)
 
     def _segments(self, number: int) -> tuple[Segment, ...]:
-        """Return the segments of a number by place in the list, if they are those of it still.
-
-        Another recorder's episodes in the same folder are not in the list.
-        """
+        """Return the segments of a number by place in the list, if they are those of it still."""
         hurt = self.hurts[number].segments if 0 <= number < len(self.hurts) else ()
         episodes = self._recording.episodes
+        # Another recorder's episodes in the same folder have no place.
         places = {number: place for place, number in enumerate(self._recording.numbers)}
         segments = tuple(replace(one, episode=places.get(one.episode, -1)) for one in hurt)
         are_there = all(
