@@ -6,6 +6,7 @@ Each episode is stored with the steps in which the person acted (``steps["by_han
 fitted again to all that is stored, and the new one drives on.
 """
 
+import math
 from dataclasses import replace
 
 from eutree.interaction import GuardedEnv
@@ -33,7 +34,7 @@ class Driving:
         self._number = self._n_by_hand = 0
         self._course: Course | None = None
         self._began_at = 0.0
-        self._over_at: float | None = None
+        self._over_at: float | None = None  # inf until the page was told
         self._changed_at: float | None = None  # what is stored; until the tree is fitted again
         self._ending = ""
         self._success: bool | None = None
@@ -93,13 +94,11 @@ class Driving:
     def advance(self, now: float) -> None:
         """Take the next step if it is due, or go on to the next episode."""
         play, programme = self._play, self._programme
-        # What becomes of an episode is stored, and an end shown, behind the tick that decides it:
-        # to fit the tree of all that is stored by then may take more than a second.
+        # What becomes of an episode is stored behind the tick in which that is decided.
         is_behind = self._changed_at is not None and now > self._changed_at
         if is_behind and programme is not None and play.state in (OPENING, REVIEW, DRIVING):
             self._changed_at = None
-            if programme.refit is not None:
-                self._programme = programme = replace(programme, policy=programme.refit())
+            programme = self._refit(programme)
             if self._over_at is None:
                 self._course = Course(programme.policy)
         if self._is_new and play.state in (OPENING, REVIEW, WATCHING):
@@ -108,6 +107,8 @@ class Driving:
             return
         if play.pictures.is_unanswered(now):
             self._pause(now, on=True)
+        elif self._over_at == math.inf:
+            self._over_at = now
         elif self._over_at is not None:
             if not self._why and now >= self._over_at + READ_SECONDS:
                 self._go_on(now, self._number + 1)
@@ -178,9 +179,10 @@ class Driving:
             return
         if trial.is_over:
             if play.pictures.are_seen(now):
-                self._over_at = now
-                if play.state == DRIVING:
-                    self._changed_at = now
+                # It is read from the next tick on: to fit a tree may take more than a second.
+                self._over_at = math.inf
+                if play.state == DRIVING and self._programme is not None:
+                    self._refit(self._programme)
             return
         action = self._decided(self._course.decide(trial.observation, self._env.allowed))
         if play.state == WATCHING:
@@ -204,6 +206,12 @@ class Driving:
         self._by_hand = self._play.state == DRIVING and (controls.is_active or waits)
         self._n_by_hand += self._by_hand
         return controls.chosen() if self._by_hand else action
+
+    def _refit(self, programme: Programme) -> Programme:
+        """Let the tree of all that is stored by now drive on."""
+        if programme.refit is not None:
+            programme = self._programme = replace(programme, policy=programme.refit())
+        return programme
 
     def _drop(self, now: float, comment: str) -> bool:
         """End the driven episode that is under way, or discard the one that is over.
