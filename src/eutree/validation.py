@@ -139,15 +139,22 @@ def elsewhere(names: Sequence[str], known: Sequence[str]) -> bool:
     return any(one != own and one in known for one, own in zip(names, known, strict=False))
 
 
+def columns_of(value: Any) -> list[Any]:
+    """Return the names of the columns of a frame, or of the entries of a row of it; else none."""
+    for names in ("column_names", "columns", "index"):  # the columns of pyarrow are arrays
+        if hasattr(type(value), names) or names in getattr(value, "__dict__", ()):  # no column's
+            labels = getattr(value, names)
+            return list(labels) if isinstance(labels, Iterable) else []
+    return []
+
+
 def in_order(name: str, value: Any, names: Sequence[str]) -> Any:
     """Return a frame, or a row of one, in the order of ``names``; what names no column as it is."""
-    labels: Any = getattr(value, "columns", None)
-    labels = getattr(value, "index", ()) if labels is None else labels
-    known = set() if callable(labels) else set(labels)
-    if known.isdisjoint(names):
+    labels = columns_of(value)
+    if labels == list(names) or set(labels).isdisjoint(names):
         return value
-    if known != set(names):
-        raise InvalidArgumentError(f"{name} must have the columns {list(names)}, got {[*labels]}")
+    if len(labels) != len(names) or set(labels) != set(names):
+        raise InvalidArgumentError(f"{name} must have the columns {list(names)}, got {labels}")
     return value[list(names)]
 
 

@@ -6,11 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from eutree.data import Demonstrations
 from eutree.errors import InvalidArgumentError, MissingExtraError
 from eutree.evaluation import CurvePoint, Evaluation
 from eutree.evaluation.curves import curve_to_pandas, curves_to_pandas
 from eutree.schema import Feature, Schema
 from tests.data.strategies import three_episodes
+from tests.frames import Frame
 
 
 def test_a_row_for_each_transition_of_the_kept_episodes():
@@ -78,3 +80,56 @@ def test_without_pandas_it_says_how_to_get_it(monkeypatch):
         MissingExtraError, match="pandas is not installed; get it with: pip install"
     ):
         three_episodes().to_pandas()
+
+
+LEVELS = np.array([[1.0, 10.0], [2.0, 20.0], [3.0, 30.0]])  # level, speed
+TANK = Schema((Feature("level", "m"), Feature("speed")), ("off", "on"))
+
+
+def read(observations, **options):
+    """Return the observations of demonstrations of a log, and their schema."""
+    made = Demonstrations.from_arrays(observations, [0, 1, 1], starts=[1, 0, 0], **options)
+    (episode,) = made
+    return episode.observations.tolist(), made.schema
+
+
+def frames(rows, columns):
+    """Yield a frame with some columns, of a stand-in and of the libraries that are there."""
+    yield Frame(rows, columns)
+    for library in ("pandas", "polars"):
+        try:
+            module = __import__(library)
+        except ImportError:
+            continue
+        yield module.DataFrame({name: rows[:, k] for k, name in enumerate(columns)})
+
+
+def test_a_log_in_a_frame_is_read_by_its_names():
+    """Columns were taken by place, and the tree was of other features than its rules said."""
+    for frame in frames(LEVELS[:, ::-1], ["speed", "level"]):
+        assert read(frame, schema=TANK) == (LEVELS.tolist(), TANK)
+        after = LEVELS + np.array([1.0, 10.0])
+        for following in frames(after[:, ::-1], ["speed", "level"]):
+            rows, schema = read(frame, schema=TANK, next_observations=following)
+            assert (rows, schema) == ([*LEVELS.tolist(), [4.0, 40.0]], TANK)
+    for frame in frames(LEVELS, ["depth", "speed"]):
+        for log in ({"observations": frame}, {"observations": LEVELS, "next_observations": frame}):
+            with pytest.raises(
+                InvalidArgumentError, match=r"observations must have the columns \['level', 'speed"
+            ):
+                read(**log, schema=TANK)
+    for frame in frames(LEVELS, ["a", "b"]):  # which names nothing that is known
+        assert read(frame, schema=TANK)[0] == LEVELS.tolist()
+
+
+def test_a_log_in_a_frame_names_the_features():
+    for frame in frames(LEVELS[:, ::-1], ["speed [m/s]", "level"]):
+        rows, schema = read(frame)
+        assert rows == LEVELS[:, ::-1].tolist()
+        assert schema.feature_names == ("speed [m/s]", "level")
+        assert schema.actions == ("action_0", "action_1")
+        for following in frames(LEVELS + np.array([1.0, 10.0]), ["level", "speed [m/s]"]):
+            assert read(frame, next_observations=following)[0][-1] == [40.0, 4.0]
+    assert read(Frame(LEVELS, [0, 1]))[1].feature_names == ("x0", "x1")  # numbers, no names
+    with pytest.raises(InvalidArgumentError, match=r"distinct features, got \['a', 'a'\]"):
+        read(Frame(LEVELS, ["a", "a"]))

@@ -12,6 +12,7 @@ from eutree.inspection import diff
 from eutree.policies import TreePolicy
 from eutree.schema import Feature, Schema
 from eutree.trees import DecisionTree
+from tests.frames import Frame
 from tests.inspection.lattices import lattice, lattice_policy
 
 seeds = st.integers(0, 2**32)
@@ -41,6 +42,16 @@ def test_the_largest_comes_first_and_no_two_could_be_one(seed):
     assert shares == sorted(shares, reverse=True)
     ends = {(float(box.region.low[0]), box.first, box.second) for box in boxes}
     assert not [b for b in boxes if (float(b.region.high[0]), b.first, b.second) in ends]
+
+
+def test_recorded_steps_in_a_frame_are_read_by_its_names():
+    generator = np.random.default_rng(3)
+    one, two = (lattice_policy(generator, 2) for _ in range(2))
+    rows = lattice(one)[::3]
+    turned = Frame(rows[:, ::-1], one.schema.feature_names[::-1])
+    wanted = str(diff(one, two, observations=rows))
+    assert str(diff(one, two, observations=turned)) == wanted
+    assert str(diff(one, two, observations=rows[:, ::-1])) != wanted
 
 
 def test_a_policy_differs_nowhere_from_itself():

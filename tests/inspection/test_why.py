@@ -16,6 +16,7 @@ from eutree.interaction import describe
 from eutree.policies import LeafStatistics, TreePolicy
 from eutree.schema import Feature, Schema
 from eutree.trees import DecisionTree
+from tests.frames import Row
 from tests.inspection.crossings import crossing
 from tests.inspection.lattices import lattice_policy
 
@@ -95,6 +96,21 @@ def test_bad_observations_are_named():
         why(crossing(), [1.0, 2.0, 3.0])
     with pytest.raises(InvalidArgumentError, match="observation must be finite"):
         why(crossing(), [1.0, np.nan])
+
+
+def test_a_row_of_a_frame_is_read_by_its_names():
+    names = crossing().schema.feature_names
+    wanted = why(crossing(), [7.25, 2.4], scale=[1.0, 2.0])
+    rows = {"observation": [2.4, 7.25], "scale": [2.0, 1.0]}
+    turned = {name: Row(values, names[::-1]) for name, values in rows.items()}
+    assert why(crossing(), **turned).text == wanted.text != why(crossing(), **rows).text
+    with pytest.raises(InvalidArgumentError, match="observation must have the columns"):
+        why(crossing(), Row([7.25, 2.4], [names[0], "other"]))
+    summed = crossing().schema.derive(["both = position + gap"])
+    tree = DecisionTree.single_leaf(3).split(0, 2, 9.0)
+    policy = TreePolicy(tree, [0, 1], summed)
+    for row in (Row([2.4, 7.25], names[::-1]), Row([9.65, 2.4, 7.25], ["both", *names[::-1]])):
+        assert why(policy, row).text == why(policy, [7.25, 2.4]).text
 
 
 def twelve(visits, values, n_actions=12):

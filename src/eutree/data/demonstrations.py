@@ -16,7 +16,7 @@ from eutree.display import Displayed, counted
 from eutree.errors import InvalidArgumentError, blamed
 from eutree.features import Derivation, FeatureMap
 from eutree.schema import EnvironmentSpec, Feature, Schema
-from eutree.validation import check_finite, check_kind, data_frame
+from eutree.validation import check_finite, check_kind, columns_of, data_frame, in_order
 
 if TYPE_CHECKING:
     from eutree.data.log_format import LogFormat
@@ -187,7 +187,8 @@ class Demonstrations(Displayed, Frozen):
         """Make demonstrations of a log: flat rows of observations and actions.
 
         Args:
-            observations: The values sensed before each action, shape [N, d].
+            observations: The values sensed before each action, shape [N, d]; the columns of a
+                frame are taken by their names.
             actions: The actions, shape [N].
             starts: Whether each row is the first of an episode, shape [N].
             rewards: Reward of each action, shape [N]; if not known, the episodes can be imitated
@@ -197,21 +198,26 @@ class Demonstrations(Displayed, Frozen):
                 kept in the episode's ``extras["dropped_action"]``.
             terminated: Whether the task ended after each row, shape [N].
             truncated: Whether a limit cut the episode short after each row, shape [N].
-            schema: Names and units; made up if not known.
+            schema: Names and units; if not known, the names of a frame's columns, or made up.
             environment: How to make the environment again, if known.
             expert: The actor's name.
         """
+        labels = columns_of(observations)
+        known = labels if all(isinstance(label, str) for label in labels) else []
+        names = known if schema is None else schema.feature_names
         episodes = episodes_from_rows(
-            observations,
+            in_order("observations", observations, names),
             actions,
             starts=starts,
             rewards=rewards,
-            next_observations=next_observations,
+            next_observations=in_order("next_observations", next_observations, names),
             terminated=terminated,
             truncated=truncated,
         )
-        n_features = np.shape(observations)[1]
-        return cls(episodes, schema_for(episodes, n_features, schema), environment, expert)
+        made = schema_for(episodes, np.shape(observations)[1], schema)
+        if schema is None and names:
+            made = replace(made, features=tuple(map(Feature, names)))
+        return cls(episodes, made, environment, expert)
 
     @classmethod
     def from_npz(

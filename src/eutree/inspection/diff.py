@@ -105,7 +105,7 @@ def diff(
     )
     seen = None
     if observations is not None:
-        seen = check_observations("observations", observations, n_features=mine.n_features)
+        seen = check_observations("observations", observations, names=mine.feature_names)
     box_low, box_high = finite_box(mine, first.tree, second.tree, seen=seen)
     low, high = possible(low, high, mine)
     real = is_box(low, high)

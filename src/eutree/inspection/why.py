@@ -12,7 +12,7 @@ from eutree.inspection.regions import Region, domain, is_box, leaf_parts
 from eutree.policies import TreePolicy
 from eutree.trees.boxes import leaf_boxes
 from eutree.trees.text import Digits, asked, printable, whole
-from eutree.validation import check_kind, check_number, check_vector
+from eutree.validation import check_kind, check_number, check_vector, in_order
 
 
 @dataclass(frozen=True)
@@ -130,12 +130,14 @@ def why(
             are infinite or equal.
     """
     tree, schema = check_kind("policy", policy, TreePolicy).tree, policy.schema
-    derivation = policy.derivation
-    if np.shape(observation) == (derivation.n_measured,) != (tree.n_features,):
-        observation = policy.features.first(
-            derivation.rows(check_vector("observation", observation))
-        )
-    point = check_vector("observation", observation, size=tree.n_features)
+    names, derivation = schema.feature_names, policy.derivation
+    if is_measured := np.shape(observation) == (derivation.n_measured,) != (tree.n_features,):
+        names = names[: derivation.n_measured]
+    point = check_vector(
+        "observation", in_order("observation", observation, names), size=len(names)
+    )
+    if is_measured:
+        point = policy.features.first(derivation.rows(point))
     leaf = tree.leaf_of(point.tolist())
     action = int(policy.actions[leaf])
     low, high = leaf_boxes(tree)
@@ -244,7 +246,8 @@ def _margin(digits: Digits, feature: int, distance: float) -> str:
 
 def _scale(policy: TreePolicy, scale: ArrayLike | None) -> Floats:
     if scale is not None:
-        scales = check_vector("scale", scale, size=policy.tree.n_features)
+        ordered = in_order("scale", scale, policy.schema.feature_names)
+        scales = check_vector("scale", ordered, size=policy.tree.n_features)
         check_number("each of scale", float(scales.min()), low=0.0, low_open=True)
         return scales
     width = np.array([feature.high - feature.low for feature in policy.schema.features])
