@@ -11,6 +11,7 @@ from gymnasium import spaces
 import eutree
 from eutree.errors import InvalidArgumentError
 from eutree.interaction import DerivedObservation, GuardedEnv, describe
+from tests.frames import Frame
 
 SPACES = {
     "dict": spaces.Dict(
@@ -139,6 +140,21 @@ def test_what_is_no_observation_is_one_line(wrong):
     tree, _ = learned(Sees(SPACES["dict"]))
     with pytest.raises(InvalidArgumentError, match="observation must have"):
         tree.predict(wrong)
+
+
+class Missing:
+    """As pandas.NA: no number."""
+
+
+@pytest.mark.parametrize(("value", "said"), [("auto", "'auto'"), (Missing(), "not 'Missing'")])
+def test_a_frame_with_what_is_no_number_is_told_so(value, said):
+    """It was said that the shape was wrong, which was right."""
+    tree, guarded = learned(Sees(SPACES["tuple of codes"]))
+    names, rows = guarded.schema.feature_names, [guarded.reset(0).tolist() for _ in range(2)]
+    assert tree.predict(Frame(rows, names))[0].tolist() == tree.predict(rows)[0].tolist()
+    rows[1][0] = value
+    with pytest.raises(InvalidArgumentError, match=f"observation must have numbers.*{said}"):
+        tree.predict(Frame(rows, names))
 
 
 def test_where_names_are_the_environments_own_it_says_what_helps():

@@ -44,7 +44,11 @@ def rows_of(observation: Any, names: Sequence[str]) -> Floats:
     if not isinstance(observation, Mapping):
         try:
             array = np.asarray(observation, dtype=np.float64)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError) as error:
+            if not isinstance(observation, tuple):
+                raise InvalidArgumentError(
+                    f"observation must have numbers, of shape ({size},) or (E, {size}): {error}"
+                ) from None
             array = np.empty((0, 0))  # entries of several sizes
         if array.ndim == 0 and size == 1:
             return array.reshape(1)
@@ -53,9 +57,8 @@ def rows_of(observation: Any, names: Sequence[str]) -> Floats:
             columns = isinstance(observation, tuple) and not isinstance(observation[0], tuple)
             return array.T.copy() if columns and array.shape == (size, size) else array
         if not isinstance(observation, tuple):
-            shape = np.shape(observation) if array.size else f"of {shown(observation)}"
             raise InvalidArgumentError(
-                f"observation must have shape ({size},) or (E, {size}), got {shape}"
+                f"observation must have shape ({size},) or (E, {size}), got {array.shape}"
             )
     return _joined(observation, names)
 
