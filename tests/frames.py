@@ -1,6 +1,7 @@
 """Stand-ins for the frames of other libraries, with no more than eutree asks of them."""
 
 from collections.abc import Iterable, Sequence
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -28,6 +29,26 @@ class Frame:
         places = [self.columns.index(name) for name in names]
         kinds = [self.dtypes[place] for place in places]
         return Frame(self.rows[:, places], names, kinds)
+
+
+class Table(Frame):
+    """A table as pyarrow has it: ``columns`` are arrays, which no set takes."""
+
+    def __init__(
+        self, rows: Iterable[Sequence[Any]], columns: Iterable[Any], dtypes: Iterable[Any] = ()
+    ) -> None:
+        super().__init__(rows, columns, dtypes)
+        self.column_names = self.columns
+        self.schema = SimpleNamespace(types=self.dtypes)
+        self.columns = [*self.rows.T]
+        del self.dtypes
+
+    def select(self, names: list[Any]) -> "Table":
+        places = [self.column_names.index(name) for name in names]
+        return Table(self.rows[:, places], names, [self.schema.types[place] for place in places])
+
+    def __getitem__(self, place: int) -> NDArray[Any]:  # type: ignore[override]
+        return self.columns[int(place)]
 
 
 class Row:

@@ -139,10 +139,15 @@ def elsewhere(names: Sequence[str], known: Sequence[str]) -> bool:
     return any(one != own and one in known for one, own in zip(names, known, strict=False))
 
 
+def has_own(value: Any, name: str) -> bool:
+    """Return whether a value has an attribute of that name, and not a column or an entry."""
+    return hasattr(type(value), name) or name in getattr(value, "__dict__", ())
+
+
 def columns_of(value: Any) -> list[Any]:
     """Return the names of the columns of a frame, or of the entries of a row of it; else none."""
     for names in ("column_names", "columns", "index"):  # the columns of pyarrow are arrays
-        if hasattr(type(value), names) or names in getattr(value, "__dict__", ()):  # no column's
+        if has_own(value, names):
             labels = getattr(value, names)
             return list(labels) if isinstance(labels, Iterable) else []
     return []
@@ -155,7 +160,7 @@ def in_order(name: str, value: Any, names: Sequence[str]) -> Any:
         return value
     if len(labels) != len(names) or set(labels) != set(names):
         raise InvalidArgumentError(f"{name} must have the columns {list(names)}, got {labels}")
-    return value[list(names)]
+    return value.select(list(names)) if has_own(value, "column_names") else value[list(names)]
 
 
 def check_observations(

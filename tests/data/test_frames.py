@@ -12,7 +12,7 @@ from eutree.evaluation import CurvePoint, Evaluation
 from eutree.evaluation.curves import curve_to_pandas, curves_to_pandas
 from eutree.schema import Feature, Schema
 from tests.data.strategies import three_episodes
-from tests.frames import Frame
+from tests.frames import Frame, Table
 
 
 def test_a_row_for_each_transition_of_the_kept_episodes():
@@ -94,14 +94,15 @@ def read(observations, **options):
 
 
 def frames(rows, columns):
-    """Yield a frame with some columns, of a stand-in and of the libraries that are there."""
+    """Yield a frame with some columns, of stand-ins and of the libraries that are there."""
     yield Frame(rows, columns)
-    for library in ("pandas", "polars"):
+    yield Table(rows, columns)
+    for library, kind in (("pandas", "DataFrame"), ("polars", "DataFrame"), ("pyarrow", "table")):
         try:
-            module = __import__(library)
+            make = getattr(__import__(library), kind)
         except ImportError:
             continue
-        yield module.DataFrame({name: rows[:, k] for k, name in enumerate(columns)})
+        yield make({name: rows[:, k] for k, name in enumerate(columns)})
 
 
 def test_a_log_in_a_frame_is_read_by_its_names():
