@@ -17,7 +17,8 @@ from sklearn.utils.estimator_checks import parametrize_with_checks  # noqa: E402
 
 import eutree  # noqa: E402
 from eutree import C45Classifier, C45Settings  # noqa: E402
-from eutree.errors import InvalidArgumentError  # noqa: E402
+from eutree.errors import InvalidArgumentError, UnknownNameError  # noqa: E402
+from tests.frames import Frame, Table  # noqa: E402
 
 
 def every_check(estimators: list[C45Classifier]) -> pytest.MarkDecorator:
@@ -343,3 +344,80 @@ def test_choices_are_truth_values():
     with pytest.raises(InvalidArgumentError, match="prune must be a bool, got 'no'"):
         C45Settings(prune="no")
     assert C45Settings(collapse=np.bool_(False)).collapse == False  # noqa: E712  as NumPy has it
+
+
+CODES = ["10", "20", "30", "40"] * 15
+ODD = [code in ("10", "30") for code in CODES]
+
+
+@pytest.mark.parametrize(
+    ("kind", "dtype"),
+    [
+        (Frame, "category"),
+        (Frame, "Categorical"),
+        (Frame, "Categorical(ordering='physical')"),
+        (Frame, "Enum(categories=['10', '20'])"),
+        (Frame, "dictionary<values=string, indices=int32, ordered=0>[pyarrow]"),
+        (Table, "dictionary<values=string, indices=int32, ordered=0>"),
+    ],
+)
+def test_categories_of_all_libraries_are_no_numbers(kind: type[Frame], dtype: str) -> None:
+    """Only those of pandas itself were taken; the rest were numbers, without a word."""
+    rows = [[code, 0.5] for code in CODES]
+    model = C45Classifier().fit(kind(rows, ["c", "z"], [dtype, "double"]), ODD)
+    assert model.export_text().splitlines()[0] == "x0 = 10: True (15)"  # as sklearn names it
+    assert model.predict(kind([["40", 0.5]], ["c", "z"])).tolist() == [False]
+    numbers = C45Classifier().fit(kind(rows, ["c", "z"], ["str", "double"]), ODD)
+    assert numbers.export_text().startswith("x0 <= 10: True")
+    by_name = C45Classifier(nominal_features=["c"]).fit(kind(rows, ["c", "z"]), ODD)
+    assert by_name.export_text() == model.export_text()
+
+
+def test_categories_that_a_column_declares_are_kept() -> None:
+    class Enum:
+        """As an Enum of polars."""
+
+        categories = ("40", "30", "20", "10", "50")
+
+        def __str__(self) -> str:
+            return f"Enum(categories={list(self.categories)})"
+
+    class Categorical:
+        """As a Categorical of polars: what it calls its categories are not its values."""
+
+        categories = object()
+
+        def __str__(self) -> str:
+            return "Categorical"
+
+    rows = [[code] for code in CODES]
+    for nominal in ("auto", ["c"]):
+        model = C45Classifier(nominal_features=nominal)
+        assert model.fit(Frame(rows, ["c"], [Enum()]), ODD).categories_[0].tolist() == list(
+            Enum.categories
+        )
+        model.fit(Frame(rows, ["c"], [Categorical()]), ODD)
+        assert model.categories_[0].tolist() == CODES[:4]
+
+
+def test_texts_in_a_table_of_pyarrow_are_named() -> None:
+    table = Table([["sunny", 1.0], ["rain", 2.0]], ["outlook", "warm"], ["string", "double"])
+    with pytest.raises(InvalidArgumentError, match=r"say nominal_features=\['outlook'\], or"):
+        C45Classifier().fit(table, [0, 1])
+    with pytest.raises(UnknownNameError, match=r"Known: outlook, warm"):
+        C45Classifier(nominal_features=["wind"]).fit(table, [0, 1])
+
+
+def test_categories_of_polars_and_pyarrow() -> None:
+    polars, pyarrow = pytest.importorskip("polars"), pytest.importorskip("pyarrow")
+    wanted = C45Classifier(nominal_features=[0]).fit([[code, 0.5] for code in CODES], ODD)
+    names = polars.Enum([*CODES[:4], "50"])
+    column = pyarrow.array(CODES).dictionary_encode()
+    frames = [polars.DataFrame({"x0": CODES, "x1": 0.5}, schema_overrides={"x0": kind})
+              for kind in (polars.Categorical, names)]  # fmt: skip
+    for frame in (*frames, pyarrow.table({"x0": column, "x1": [0.5] * len(CODES)})):
+        for nominal in ("auto", ["x0"]):
+            model = C45Classifier(nominal_features=nominal).fit(frame, ODD)
+            assert model.predict(frame).tolist() == ODD
+            assert wanted.export_text() in model.export_text()
+    assert C45Classifier().fit(frames[1], ODD).categories_[0].tolist() == [*CODES[:4], "50"]

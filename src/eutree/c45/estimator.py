@@ -13,18 +13,25 @@ from eutree.c45.tree import C45Names, C45Tree, to_text
 from eutree.display import framed
 from eutree.errors import InvalidArgumentError, UnknownNameError, needed
 from eutree.trees import DecisionTree
-from eutree.validation import check_choice
+from eutree.validation import check_choice, columns_of, has_own
+
+CATEGORIES = ("category", "Categorical", "Enum", "dictionary")  # of pandas, polars, pyarrow
+
+
+def _types(table: Any) -> list[Any]:
+    """Return the types of the columns of a frame; none of what is no frame."""
+    if has_own(table, "column_names"):
+        return list(table.schema.types)
+    return list(getattr(table, "dtypes", ())) if has_own(table, "columns") else []
 
 
 def nominal_mask(table: Any, nominal: Any) -> Booleans:
     """Return which columns are nominal, shape [d]; an empty mask if there is nothing to choose.
 
-    ``nominal`` is indices, column names, a mask, ``"auto"`` (columns of dtype ``category``) or
-    None.
+    ``nominal`` is indices, column names, a mask, ``"auto"`` (columns of categories) or None.
     """
-    dtypes: Any = getattr(table, "dtypes", None)
-    framed = dtypes is not None and hasattr(table, "columns")
-    if nominal is None or (isinstance(nominal, str) and nominal == "auto" and not framed):
+    types = _types(table)
+    if nominal is None or (isinstance(nominal, str) and nominal == "auto" and not types):
         return np.zeros(0, dtype=bool)
     if isinstance(nominal, str):
         if nominal != "auto":
@@ -32,11 +39,11 @@ def nominal_mask(table: Any, nominal: Any) -> Booleans:
                 "nominal_features must be 'auto', None, indices, column names or a mask, "
                 f"got {nominal!r}"
             )
-        return np.array([str(dtype) == "category" for dtype in dtypes], dtype=np.bool_)
+        return np.array([str(one).startswith(CATEGORIES) for one in types], dtype=np.bool_)
     shape = np.shape(table)
     if len(shape) != 2:
         raise InvalidArgumentError(f"X must have shape (N, d) and be 2D, got shape {shape}")
-    return _chosen(list(nominal), shape[1], [str(name) for name in table.columns] if framed else [])
+    return _chosen(list(nominal), shape[1], list(map(str, columns_of(table))))
 
 
 def text_columns(table: Any, nominal: Booleans) -> list[str] | list[int]:
@@ -50,7 +57,8 @@ def text_columns(table: Any, nominal: Booleans) -> list[str] | list[int]:
         for column in range(rows.shape[1])
         if (nominal.size and nominal[column]) or any(_is_text(v) for v in rows[:, column])
     ]
-    return [str(table.columns[k]) for k in wanted] if hasattr(table, "columns") else wanted
+    names = list(map(str, columns_of(table)))
+    return [names[k] for k in wanted] if names else wanted
 
 
 def _is_text(value: Any) -> bool:
@@ -88,9 +96,11 @@ def _chosen(nominal: list[Any], n_features: int, columns: Sequence[str]) -> Bool
 
 def values_of(frame: Any, table: NDArray[Any], column: int) -> NDArray[Any]:
     """Return the values of a nominal column: those its dtype declares, else those that occur."""
-    declared = getattr(getattr(frame, "dtypes", None), "iloc", {column: None})[column]
-    if hasattr(declared, "categories"):
-        return np.asarray(declared.categories, dtype=object)
+    for declared in _types(frame)[column : column + 1]:
+        if (
+            np.ndim(values := getattr(declared, "categories", 0)) == 1
+        ):  # not a Categorical of polars
+            return np.asarray(values, dtype=object)
     known = [value for value in table[:, column] if not is_missing(value)]
     found = sorted(set(known), key=lambda value: (str(type(value)), value))
     return np.array([*found, None], dtype=object)[:-1]  # one-dimensional, also of sequences
@@ -163,7 +173,7 @@ class C45Classifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # sk
         collapse: Whether a subtree that makes no fewer training errors becomes a leaf.
         subtree_raising: Whether pruning may replace a node by its largest branch.
         nominal_features: Which columns hold names, not numbers: indices, column names or a mask;
-            ``"auto"`` takes the columns of dtype ``category`` of a data frame; None takes none.
+            ``"auto"`` takes the columns of categories of a data frame; None takes none.
         handle_unknown: ``"error"`` refuses a nominal value that training did not have,
             ``"missing"`` treats it as unknown.
         gap: A cut needs neighbours further apart than this. 0 tells any two numbers apart;
