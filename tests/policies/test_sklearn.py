@@ -18,6 +18,7 @@ from eutree.export.c import probes
 from eutree.policies.sklearn_tree import float64_thresholds
 from eutree.schema import Feature, Schema
 from tests.export.policies import EVASION, policy_of, tree
+from tests.frames import Table
 
 NAMED = Schema(tuple(Feature(name) for name in "abc"), ("wait", "go"))
 
@@ -240,6 +241,15 @@ def test_columns_in_another_order_are_refused(policy, rows):
     np.testing.assert_array_equal(model.predict(frame), policy.predict(rows)[0])
     with pytest.raises(InvalidArgumentError, match="X must have its columns in the order"):
         model.predict(frame[["c", "a", "b"]])
+
+
+def test_columns_of_a_table_of_pyarrow_are_in_order(policy, rows):
+    names = policy.schema.feature_names
+    model = TreePolicyClassifier(policy)
+    wanted = policy.predict(rows)[0].tolist()
+    assert model.predict(Table(rows, names)).tolist() == wanted
+    with pytest.raises(InvalidArgumentError, match="X must have its columns in the order"):
+        model.predict(Table(rows[:, ::-1], names[::-1]))
 
 
 def test_a_frame_is_read_by_its_names(policy, rows):

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from eutree.arrays import Floats, Int32s, Integers
 from eutree.errors import InvalidArgumentError, needed
 from eutree.policies.tree_policy import TreePolicy
-from eutree.validation import check_choice, check_kind
+from eutree.validation import check_choice, check_kind, columns_of
 
 with needed("scikit-learn", "sklearn"):
     from sklearn.base import BaseEstimator, ClassifierMixin
@@ -199,7 +199,7 @@ class TreePolicyClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc
         return check_kind("policy", self.policy, TreePolicy)
 
     def _rows(self, X: ArrayLike) -> Floats:
-        given, names = list(getattr(X, "columns", ())), list(self._policy().schema.feature_names)
+        given, names = columns_of(X), list(self._policy().schema.feature_names)
         if given != names and set(given) & set(names):
             raise InvalidArgumentError(f"X must have its columns in the order {names}, got {given}")
         rows: Floats = check_array(X, dtype=np.float64, ensure_all_finite=False, order="C")
