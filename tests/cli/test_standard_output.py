@@ -54,10 +54,10 @@ def prepare(folder):
     policy.save(folder / "policy.json")
 
 
-def call(folder, *line):
+def call(folder, *line, python=("-m", "eutree")):
     environment = os.environ | {"PYTHONPATH": str(Path(package.__file__).parents[1])}
     return subprocess.run(
-        [sys.executable, "-m", "eutree", *line],
+        [sys.executable, *python, *line],
         cwd=folder, env=environment, capture_output=True, text=True,
     )  # fmt: skip
 
@@ -80,6 +80,17 @@ def test_nor_within_a_process(eutree, tmp_path):
         assert "begins" in answer.err
     finally:
         sys.modules.pop("loud", None)
+
+
+@pytest.mark.parametrize("more", [(), ("--json",)], ids=["text", "json"])
+def test_without_a_standard_output_nobody_is_told(tmp_path, more):
+    """`evaluate --json >&-` was an internal error: None has no fileno."""
+    prepare(tmp_path)
+    line = (sys.executable, "-m", "eutree", *LINE, *more)
+    code = f"import os, sys; os.close(1); os.execv(sys.executable, {line})"
+    done = call(tmp_path, python=("-c", code))
+    assert (done.returncode, done.stdout) == (0, ""), done.stderr
+    assert "error" not in done.stderr
 
 
 def test_a_mistake_leaves_standard_output_empty(tmp_path):

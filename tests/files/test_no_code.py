@@ -18,7 +18,7 @@ FORBIDDEN_CALLS = {"eval", "exec", "compile", "__import__"}
 MAY_OPEN = {
     "eutree/cli/_output.py": "standard output itself, under another descriptor",
     "eutree/training/run_folder.py": "the lock of a run folder",
-    "eutree/cli/main.py": "the null device, after a broken pipe",
+    "eutree/cli/main.py": "the null device, for standard output that is closed or broken",
 }
 
 

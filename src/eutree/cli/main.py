@@ -72,10 +72,7 @@ class LazyGroup(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Return the command and its arguments.
-
-        No option in them has two values, and no output is an input.
-        """
+        """Return command and arguments: no option has two values, and no output is an input."""
         name, command, rest = super().resolve_command(ctx, args)
         if command is not None:
             _check(command, ctx, rest)
@@ -142,6 +139,7 @@ def eutree() -> None:
 
 def run(arguments: Sequence[str]) -> int:
     """Run the command line and return the exit code: 0, 1 (a bug), 2 (a mistake), 130."""
+    sys.stdout = sys.stdout or os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")  # closed
     debug = "--debug" in arguments
     rest = [argument for argument in arguments if argument != "--debug"]
     wants_json = "--json" in rest and not {"-h", "--help", "--version"} & set(rest)
