@@ -71,6 +71,15 @@ def test_it_teaches_a_tree(eutree, plan):
     assert answer.json["mean_return"] > 100
 
 
+@pytest.mark.filterwarnings("ignore:.*Using the latest versioned environment:UserWarning")
+def test_a_task_without_its_version_has_the_experts_of_the_latest(eutree):
+    """None were known, though Gymnasium made the latest."""
+    line = ("record", "eutree/Evasion2", "--expert", "gate", "--episodes", "1", "--json")
+    answer = eutree(*line, "--out", "demos")
+    assert answer.json["episodes"] == 1, answer.err
+    assert Demonstrations.load("demos").environment.id == "eutree/Evasion2-v0"
+
+
 def test_it_teaches_a_learner(eutree, plan, tmp_path):
     eutree("record", "CartPole-v1", "--expert", "fall", "--episodes", "3", "--out", "demos")
     line = ["learn", "--demos", "demos", "--method", "distilled-dqn", "--teacher", f"{plan}:Fall"]

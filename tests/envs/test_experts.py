@@ -179,6 +179,9 @@ def test_every_id_has_experts() -> None:
     for name in IDS:
         assert list(experts.experts_for(name)) == ["gate", "look-ahead"]
     assert experts.experts_for("eutree:eutree/Evasion2-v0")["gate"] is experts.wait_at_crossing
+    for name in ("eutree/Evasion2", "eutree:eutree/Evasion2"):  # Gymnasium makes the latest
+        assert experts.experts_for(name) == experts.experts_for("eutree/Evasion2-v0")
+    assert list(experts.experts_for("CartPole")) == ["fall", "balance"]  # of -v1; -v0 has none
     with pytest.raises(UnknownNameError, match="Did you mean 'CartPole-v1'"):
         experts.experts_for("CartPole-v0")
 

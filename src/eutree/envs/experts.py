@@ -11,7 +11,7 @@ from importlib.metadata import entry_points
 from typing import Any
 
 import numpy as np
-from gymnasium import spaces
+from gymnasium import registry, spaces
 from numpy.typing import ArrayLike, NDArray
 
 from eutree.envs._scripted import (
@@ -65,16 +65,17 @@ def experts_for(environment: str) -> Mapping[str, Expert]:
     Args:
         environment: Its id, with or without the module to import (``"eutree:..."``).
     """
-    found = known_experts(environment)
-    if not found:
-        name = environment.rpartition(":")[2]
-        raise UnknownNameError("environment with a scripted expert", name, all_experts())
-    return found
+    if found := known_experts(environment):
+        return found
+    name = environment.rpartition(":")[2]
+    raise UnknownNameError("environment with a scripted expert", name, all_experts())
 
 
 def known_experts(environment: str) -> Mapping[str, Expert]:
-    """Return ``experts_for`` an environment; nothing if it has none."""
-    return all_experts().get(environment.rpartition(":")[2], {})
+    """Return ``experts_for`` an environment; its latest version if none is named."""
+    name = environment.rpartition(":")[2]
+    versions = [env.version or 0 for env in registry.values() if env.id == f"{name}-v{env.version}"]
+    return all_experts().get(f"{name}-v{max(versions)}" if versions else name, {})
 
 
 def all_experts() -> Mapping[str, Mapping[str, Expert]]:
