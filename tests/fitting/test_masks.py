@@ -90,7 +90,9 @@ def test_a_single_leaf_is_said_to_take_its_action_where_it_is_allowed():
     (always,) = about_size(replace(one, masked=False), demos)
     assert "it always takes action_2, although" in always
     harm = Harm(0, "timeout", 1.0, 1.0, holds_on=False, shown=(40, 0, 60))
-    assert "so it takes action_2 wherever it is allowed." in in_words(harm, one, 100)
+    said = in_words(harm, one, 100)
+    assert "so it takes action_2 wherever it is allowed." in said
+    assert "pass through leaf 0 (action_2 everywhere). There" in said
 
 
 def test_a_repaired_tree_keeps_no_visits_of_other_leaves(demos, report):

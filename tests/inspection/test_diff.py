@@ -60,6 +60,12 @@ def test_a_policy_differs_nowhere_from_itself():
     assert (found.share, found.boxes, found.structure) == (0.0, (), ())
 
 
+def test_all_that_differs_in_words():
+    schema = Schema((Feature("speed", "m/s", 0.0, 10.0),), ("brake", "go"))
+    one, two = (TreePolicy(DecisionTree.single_leaf(1), np.array([n]), schema) for n in (0, 1))
+    assert diff(one, two).boxes[0].words == "brake became go everywhere"
+
+
 def test_a_moved_threshold_in_words():
     schema = Schema((Feature("speed", "m/s", 0.0, 10.0),), ("brake", "go"))
     tree = DecisionTree.single_leaf(1).split(0, 0, 4.0)

@@ -114,6 +114,8 @@ def test_answers_are_exact_to_the_last_place(question, holds):
 def test_one_leaf_is_a_leaf():
     found = verify(one_cut(), "always go when position <= 5")
     assert str(found).endswith("(1 leaf checked)"), str(found)
+    alone = TreePolicy(DecisionTree.single_leaf(1), np.array([1]), one_cut().schema)
+    assert str(verify(alone, "never go")) == "refuted: never go; go everywhere (leaf 0)"
 
 
 def test_a_refutation_in_words():

@@ -168,23 +168,21 @@ def _doubtful(played: Played, so: Booleans, paths: list[Integers], shown: Intege
 
 def in_words(harm: Harm, policy: TreePolicy, n_shown: int) -> str:
     """Return the harm of a leaf and its cause, in words."""
-    taken, region = leaf_in_words(policy, harm.leaf)
     how = "hold on to the end in" if harm.holds_on else "pass through"
     bad = f"of the episodes end badly, in {harm.ending!r}"
     if harm.below is not None:
         least = f"less than any episode shown ({harm.below:.4g})"
         bad = f"of the episodes earn {least} and end in {harm.ending!r}"
-    return (
-        f"{harm.share:.0%} {bad}; {harm.share_in_leaf:.0%} "
-        f"of these {how} leaf {harm.leaf} ({taken} where {region}). {_cause(harm, policy, n_shown)}"
-    )
+    where = f"leaf {harm.leaf} ({leaf_in_words(policy, harm.leaf)})"
+    told = f"{harm.share:.0%} {bad}; {harm.share_in_leaf:.0%} of these {how} {where}."
+    return f"{told} {_cause(harm, policy, n_shown)}"
 
 
-def leaf_in_words(policy: TreePolicy, leaf: int) -> tuple[str, str]:
+def leaf_in_words(policy: TreePolicy, leaf: int) -> str:
     """Return the action of a leaf and its region, in words."""
     low, high = (_rounded(bounds[leaf]) for bounds in leaf_boxes(policy.tree))
-    region = Region(low, high).words(policy.schema, domain(policy.schema))
-    return printable(policy.schema.actions[policy.actions[leaf]]), region
+    region = Region(low, high).where(policy.schema, domain(policy.schema))
+    return f"{printable(policy.schema.actions[policy.actions[leaf]])} {region}"
 
 
 def taking(policy: TreePolicy, leaf: int) -> str:

@@ -360,7 +360,7 @@ class _Search:
         singles: list[tuple[Integers, str]] = []
         for leaf in guilty:
             inside, label = leaves == leaf, int(tree.actions[leaf])
-            why = f"they teach {' where '.join(leaf_in_words(tree, leaf))}"
+            why = f"they teach {leaf_in_words(tree, leaf)}"
             agreed = inside & (steps.taught == label)
             yield from steps.edits(np.flatnonzero(agreed), why)
             yield from steps.edits(
@@ -395,7 +395,7 @@ class _Search:
             pieces = steps.pieces(np.flatnonzero((leaves == leaf) & (steps.taught != CUT) & can))
             if pieces:
                 rows = max(pieces, key=len)
-                why = f"the tree fails where it must {' where '.join(leaf_in_words(tree, leaf))}"
+                why = f"the tree fails where it must {leaf_in_words(tree, leaf)}"
                 same = Edit(rows, steps.taught[rows], why)
                 return [Hurt("show again", segments_of(known, same), why, reached, None)]
         return []

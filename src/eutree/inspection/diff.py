@@ -125,7 +125,7 @@ def diff(
         region = Region(low[number], high[number])
         one, two = actions[number].tolist()
         became = f"{printable(mine.actions[one])} became {printable(mine.actions[two])}"
-        words = f"{became} where {region.words(mine, inside, digits=digits)}"
+        words = f"{became} {region.where(mine, inside, digits)}"
         steps = None if visited is None else float(visited[number])
         boxes.append(Disagreement(region, float(shares[number]), one, two, words, steps))
     return PolicyDiff(

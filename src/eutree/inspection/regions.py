@@ -82,6 +82,11 @@ class Region(Frozen):
                 parts.append(text + (f" {printable(feature.unit)}" if feature.unit else ""))
         return " and ".join(parts) or "everywhere"
 
+    def where(self, schema: Schema, within: "Region", digits: Digits | None = None) -> str:
+        """Return ``words`` as they follow what is done there: "where ...", or "everywhere"."""
+        words = self.words(schema, within, digits=digits)
+        return words if words == "everywhere" else f"where {words}"
+
     def _choice(
         self, schema: Schema, name: str, number: int, within: "Region | None"
     ) -> Iterator[str]:

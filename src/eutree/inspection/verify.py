@@ -215,8 +215,7 @@ def _examples(
     for leaf, share in zip(leaves.tolist(), shares.tolist(), strict=True):
         region, action = Region(low[leaf], high[leaf]), int(policy.actions[leaf])
         if found := find(region):
-            where = f"{region.words(schema, inside)} (leaf {leaf}){found.caution}"
-            words = f"{names[action]} where {where}"
+            words = f"{names[action]} {region.where(schema, inside)} (leaf {leaf}){found.caution}"
             examples.append(
                 CounterExample(region, found.point, None, action, leaf, share, words, found.is_real)
             )
