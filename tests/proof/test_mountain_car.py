@@ -244,6 +244,21 @@ def test_no_episode_arrives_behind_the_time_limit():
     assert prove(policy_of(GOOD), endless, "arrives within 110 steps", effort=COARSE).proven
 
 
+@pytest.mark.parametrize(("name", "limit"), [("MountainCar-v0", 200), ("CartPole-v1", 500)])
+def test_a_time_limit_of_none_is_the_registered_one(name, limit):
+    """It was none, and trees were proven to arrive later than Gymnasium ends an episode."""
+    for asked, meant in ((None, limit), (50, 50), (-1, None)):
+        plant = plant_of(EnvironmentSpec(name, {"max_episode_steps": asked}))
+        assert (plant.limit, plant.time_limit) == (meant, meant)
+
+
+def test_no_tree_arrives_behind_the_registered_time_limit():
+    slow = policy_of((1, 0.0, 1, (0, -0.3, 2, 1)))  # 241 to 337 steps
+    plant = MountainCar(EnvironmentSpec("MountainCar-v0", {"max_episode_steps": None}))
+    found = prove(slow, plant, "arrives within 400 steps", effort=COARSE)
+    assert (found.verdict, found.counterexample["steps"]) == ("refuted", 200)
+
+
 def test_a_certificate_of_a_mean_return_has_no_boxes_of_starts():
     """They were those of another question: whether it arrives."""
     refuted = prove(policy_of(BAD), PLANT, "returns at least -50", effort=COARSE)

@@ -142,7 +142,7 @@ class Plant:
     def time_limit(self) -> int | None:
         """Steps after which an episode is cut short, by the plant or by Gymnasium; None: never."""
         given, registered = self.environment.arguments, gymnasium.spec(self.environment.id)
-        known = dict(given).get("max_episode_steps", registered.max_episode_steps)
+        known = dict(given).get("max_episode_steps") or registered.max_episode_steps
         own = None if known == NO_LIMIT else known
         if None not in (own, self.limit) and own != self.limit:
             raise InvalidArgumentError(
@@ -256,19 +256,21 @@ def own_arguments(
 ) -> tuple[dict[str, Any], int | None]:
     """Return the arguments of an environment that its plant knows, and the time limit.
 
+    As in Gymnasium, None asks for the registered ``limit``, and -1 for none.
+
     Raises:
         InvalidArgumentError: It has others: they may change anything.
     """
     arguments = dict(spec.arguments)
     arguments.pop("disable_env_checker", None)
-    limit = arguments.pop("max_episode_steps", limit)
+    limit = arguments.pop("max_episode_steps", None) or limit
     for name in arguments:
         if name not in known:
             raise InvalidArgumentError(
                 f"the plant of {spec.id} knows no argument {shown(name)}; it knows "
                 f"{', '.join(known) or 'none'}"
             )
-    return {**known, **arguments}, None if limit == -1 else limit
+    return {**known, **arguments}, None if limit == NO_LIMIT else limit
 
 
 Factory = Callable[[EnvironmentSpec], Plant]
