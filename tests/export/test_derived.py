@@ -1,6 +1,7 @@
 """Exported code computes derived features to the last bit, and remembers what it has to."""
 
 import ctypes
+import platform
 import re
 import subprocess
 from pathlib import Path
@@ -109,6 +110,25 @@ def test_a_fused_product_would_be_noticed(tmp_path: Path):
             1
         }
     assert wrong == 4
+
+
+@pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="has no x87")
+@pytest.mark.parametrize("number", TYPES)
+def test_c_refuses_to_keep_sums_in_80_bits(number, tmp_path: Path):
+    """7 of 3,000 decisions on a sum of tenths were others; what is only compared is exact."""
+    derived, plain = deciding(["sum = gap + speed"]), deciding([])
+    scale = 50.0 if number == "int32" else None
+    for flags in ("-mfpmath=387 -O0", "-mfpmath=387 -O2", "-mfpmath=sse+387 -O2"):
+        path = tmp_path / "derived.c"
+        path.write_text(to_c(derived, number=number, scale=scale))
+        build = [need("gcc"), *C_FLAGS, *flags.split(), "-c", str(path), "-o", f"{path}.o"]
+        said = subprocess.run(build, capture_output=True, text=True)
+        assert said.returncode != 0
+        assert "doubles must be computed as doubles" in said.stderr
+        options = {"flags": flags.split(), "stem": f"plain{number}"}
+        library = compiled_c(to_c(plain, number=number, scale=scale), tmp_path, **options)
+        if number == "double":
+            assert c_decide(library)(measured()) == decided(plain, measured())
 
 
 @pytest.mark.parametrize("declared", [PLAIN, LAST], ids=["plain", "last"])

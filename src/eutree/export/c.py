@@ -32,6 +32,12 @@ _NO_FAST_MATH = [
     '#error "NaN must fail every test: compile without -ffast-math and -ffinite-math-only"',
     "#endif",
 ]
+_DOUBLES = [  # sums on the x87 keep 80 bits, which stored once more are rounded twice
+    "#include <float.h>",
+    "#if defined(FLT_EVAL_METHOD) && ((FLT_EVAL_METHOD < 0) || (FLT_EVAL_METHOD == 2))",
+    '#error "doubles must be computed as doubles: compile for SSE2, not for the x87"',
+    "#endif",
+]
 
 
 def to_c(
@@ -58,6 +64,7 @@ def to_c(
     declarations = [f'#include "{name}.h"'] if header else _declarations(policy, name, kind)
     computed = code.exported_features(policy)
     guard = [] if number == "int32" and not computed else ["", *_NO_FAST_MATH]
+    guard += ["", *_DOUBLES] if computed else []
     lines = [*_heading(policy, kind), *declarations, *guard]
     table = [f"    {_string(action)}" for action in policy.schema.actions]
     size = f"{policy.schema.n_actions}"
