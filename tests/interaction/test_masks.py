@@ -13,6 +13,7 @@ import eutree
 from eutree.data import Demonstrations, Episode
 from eutree.data.demonstrations import derive
 from eutree.data.episode import allowed_in
+from eutree.distillation import DistillationSettings
 from eutree.errors import EnvironmentFault, InvalidArgumentError
 from eutree.export import to_c, to_dot, to_python, to_structured_text, to_svg, to_text
 from eutree.inspection import edit, enforce
@@ -267,6 +268,80 @@ def test_four_numbers_for_two_parts_of_two_are_not_guessed_at(mask):
 def test_what_is_no_mask_is_a_fault(mask):
     with pytest.raises(EnvironmentFault, match="an action mask must"):
         GuardedEnv(Parts(mask)).reset(0)
+
+
+class Switches(Parts):
+    """Ten steps of parts that may be set above 0 each by a number of its own; it raises else."""
+
+    observation_space = spaces.Box(-1.0, 1.0, (2,))
+
+    def __init__(self, sizes=(2, 2)):
+        super().__init__(None, sizes)
+
+    def _now(self):
+        self.x = self.np_random.uniform(-1, 1, 2)
+        return self.x.astype(np.float32)
+
+    def action_masks(self):
+        sizes = self.action_space.nvec
+        return tuple(np.arange(n) <= n * (x > 0) for x, n in zip(self.x, sizes, strict=True))
+
+    def reset(self, *, seed=None, options=None):
+        gymnasium.Env.reset(self, seed=seed)
+        self.t = 0
+        return self._now(), {}
+
+    def step(self, action):
+        assert all(mask[value] for mask, value in zip(self.action_masks(), action, strict=True))
+        self.t += 1
+        return self._now(), float(sum(action)), False, self.t == 10, {}
+
+
+class PartsModel:
+    """Sets each part as high as its mask allows, as a MaskablePPO takes masks."""
+
+    def __init__(self, sizes):
+        self.sizes = sizes
+
+    def predict(
+        self, observation, state=None, episode_start=None, deterministic=False, action_masks=None
+    ):
+        assert action_masks.shape == (sum(self.sizes),)
+        parts = np.split(action_masks, np.cumsum(self.sizes)[:-1])
+        assert [part[1:].all() for part in parts] == (observation > 0).tolist()
+        return np.array([part.nonzero()[0][-1] for part in parts]), state
+
+
+@pytest.mark.parametrize("sizes", [(2, 2), (3, 2)])
+def test_a_model_of_parts_gets_the_masks_of_parts(sizes):
+    """It got those of combinations: wrong numbers in silence for two of two, else an error."""
+    gymnasium.register("Switches-v0", lambda: Switches(sizes))
+    try:
+        demos = eutree.record("Switches-v0", PartsModel(sizes), episodes=4)
+        high = (demos.observations > 0) * (np.array(sizes) - 1)
+        assert demos.actions.tolist() == np.ravel_multi_index(high.T, sizes).tolist()
+        settings = DistillationSettings(iterations=2, episodes=2, validation_episodes=2)
+        for n_jobs in (1, 2):  # the trees' episodes are played elsewhere
+            given = {"demonstrations": demos, "n_jobs": n_jobs, "seed": 0}
+            tree, _ = eutree.distill(PartsModel(sizes), "Switches-v0", settings, **given)
+            found = eutree.evaluate(tree, "Switches-v0", episodes=5)
+            assert len(found.returns) == 5
+    finally:
+        del gymnasium.registry["Switches-v0"]
+
+
+def test_a_controller_of_combinations_gets_the_masks_of_combinations():
+    seen = []
+
+    class Of:
+        def predict(self, observation, action_masks=None):
+            seen.append(action_masks.astype(int).tolist())
+            return [2, 1], None
+
+    mask = [1, 1, 0, 0, 0, 1]  # no product of masks of parts
+    eutree.record(Parts(mask), Of(), episodes=1)
+    eutree.record(GriddedAction(Parts(np.array(mask).reshape(3, 2))), Of(), episodes=1)
+    assert seen == [mask, mask]
 
 
 class Choice(gymnasium.Env):

@@ -63,9 +63,11 @@ class Actor:
         Raises:
             InvalidArgumentError: The policy's answer means no action.
         """
-        seen = self._env.own_observation(observation) if self._own else observation[: self._size]
+        seen, masks = observation[: self._size], allowed
+        if self._own:
+            seen, masks = self._env.own_observation(observation), self._env.masks.own(allowed)
         chosen, self._state = self._policy.predict(
-            seen, self._state, np.array(self._first), action_masks=allowed
+            seen, self._state, np.array(self._first), action_masks=masks
         )
         self._first = False
         number = self._env.number_of(chosen, "the answer of policy.predict", own=self._own)

@@ -300,6 +300,17 @@ class ActionMasks:
         self._env = env
         own = env.has_wrapper_attr("action_masks")
         self._ask = env.get_wrapper_attr("action_masks") if own else None
+        self._sizes: list[int] | None = None  # of the parts, where it says those
+
+    def own(self, allowed: Booleans | None) -> Booleans | None:
+        """Return a mask of actions [A]; that of all parts, in a row, where ``env`` says those."""
+        if allowed is not None and self._sizes is None:  # the episode was played elsewhere
+            self._sizes = []
+            self.now(self._env.reset(seed=0)[1])
+        if allowed is None or not self._sizes:
+            return allowed
+        places = zip(self._sizes, allowed.reshape(self._sizes).nonzero(), strict=True)
+        return np.concatenate([np.isin(range(size), levels) for size, levels in places])
 
     def now(self, info: dict[str, Any]) -> Booleans | None:
         """Return which actions are allowed, shape [A]; None where nothing is said of it.
@@ -325,13 +336,14 @@ class ActionMasks:
         except (TypeError, ValueError):
             allowed = np.empty(0)
         sizes = [] if grid is None else [len(control.levels) for control in grid.controls]
+        self._sizes = []
         if sum(sizes) == n_actions and len(sizes) > 1 and not of_parts and np.ndim(mask) == 1:
             raise InvalidArgumentError(
                 f"an action mask must be a tuple, a mask for each part, or of shape {(*sizes,)} "
                 f"for all combinations: {n_actions} numbers may be either, got {shown(mask)}"
             )
         if allowed.size == sum(sizes) and (of_parts or allowed.size != n_actions):
-            parts = np.split(allowed, np.cumsum(sizes)[:-1])
+            parts, self._sizes = np.split(allowed, np.cumsum(sizes)[:-1]), sizes
             allowed = np.min(np.meshgrid(*parts, indexing="ij"), axis=0).reshape(-1)
         if allowed.size != n_actions or not np.isin(allowed, (0.0, 1.0)).all():
             raise InvalidArgumentError(

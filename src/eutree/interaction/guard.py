@@ -68,6 +68,7 @@ class GuardedEnv:
         step_number: Number of steps taken in the present episode.
         allowed: Which actions are allowed now, shape [A], where the environment says so by
             ``info["action_mask"]`` or a method ``action_masks``; None where all are.
+        masks: Reads that, and says it as the environment does.
 
     Raises:
         UnsupportedSpaceError: A tree cannot act in its spaces.
@@ -111,7 +112,7 @@ class GuardedEnv:
         self._limit = check_integer("max_episode_steps", max_episode_steps, low=1)
         self._own_features = own.features
         self.allowed: Booleans | None = None
-        self._masks = ActionMasks(env)
+        self.masks = ActionMasks(env)
 
     def reset(self, seed: int | None = None) -> Floats:
         """Begin an episode and return its first observation, shape [d]."""
@@ -311,7 +312,7 @@ class GuardedEnv:
     def _allowed(self, info: dict[str, Any]) -> Booleans | None:
         """Return which actions are allowed, shape [A]; None where nothing is said of it."""
         try:
-            return self._masks.now(info)
+            return self.masks.now(info)
         except InvalidArgumentError as error:
             raise self._fault(str(error)) from None
 
