@@ -344,6 +344,23 @@ def test_a_controller_of_combinations_gets_the_masks_of_combinations():
     assert seen == [mask, mask]
 
 
+@pytest.mark.parametrize("reads_features", [False, True])
+def test_a_masked_answer_is_replaced_by_the_best_allowed_value(reads_features):
+    """A controller of the environment's own observation got the first allowed action."""
+
+    class Valued:
+        def predict(self, observation):
+            return 0
+
+        def action_values(self, observations):
+            assert observations.shape == (1, 1)
+            return [[9.0, 1.0, 3.0, -np.inf, 2.0, 2.0]]  # as it may say of what is forbidden
+
+    Valued.reads_features = reads_features
+    shown = eutree.record(GriddedAction(Parts([0, 1, 1, 0, 1, 1])), Valued(), episodes=1)
+    assert shown.actions.tolist() == [2]
+
+
 class Choice(gymnasium.Env):
     """Three actions of which the best is often forbidden, and the second best now and then."""
 

@@ -15,11 +15,12 @@ import gymnasium
 import numpy as np
 
 from eutree.arrays import Booleans, Floats
-from eutree.errors import EutreeError, InvalidArgumentError, shown
+from eutree.errors import EutreeError, InvalidArgumentError, described, shown
 from eutree.interaction.guard import GuardedEnv
 from eutree.interaction.spaces import derived_around
 from eutree.policies import Policy
 from eutree.schema import Schema
+from eutree.validation import check_function
 
 # The actor: a policy, a function that makes one for an environment, or a function from an
 # observation to an action.
@@ -36,7 +37,7 @@ class Actor:
     """
 
     def __init__(self, policy: Policy, env: GuardedEnv) -> None:
-        self._policy = FullPolicy(policy)
+        self._given, self._policy = policy, FullPolicy(policy)
         self._own = not getattr(policy, "reads_features", False)
         self._env = env
         schema = getattr(policy, "schema", None)
@@ -73,8 +74,9 @@ class Actor:
         number = self._env.number_of(chosen, "the answer of policy.predict", own=self._own)
         if allowed is None or allowed[number]:
             return number
-        values = self._policy.values(observation)
-        return int(np.where(allowed, 0.0 if values is None else values, -np.inf).argmax())
+        values = values_of(self._given, allowed.size, finite=False)  # of what is forbidden, -inf
+        found = 0.0 if values is None else values(observation[np.newaxis])[0]
+        return int(np.where(allowed, found, -np.inf).argmax())
 
 
 class FullPolicy:
@@ -98,18 +100,44 @@ class FullPolicy:
     ) -> tuple[Any, Any]:
         """Return the action, and the policy's state for the next step."""
         known = zip(_KEYWORDS, (state, episode_start, deterministic, action_masks), strict=True)
-        masks = {"action_masks"} if action_masks is None else set()
-        taken = {key: value for key, value in known if key in self._keywords - masks}
+        keywords = self._keywords & _OF_SB3 if action_masks is None else self._keywords
+        taken = {key: value for key, value in known if key in keywords}
         chosen: Any = self._policy.predict(observation, **taken)
         return chosen if isinstance(chosen, tuple) and len(chosen) == 2 else (chosen, state)
 
-    def values(self, features: Floats) -> Floats | None:
-        """Return the value of each action at features [d], shape [A], if the policy has any."""
-        values = getattr(self._policy, "action_values", None)
-        if values is None or not self.reads_features:
-            return None
-        found: Floats = np.asarray(values(features[np.newaxis]), dtype=np.float64)[0]
-        return found
+
+def values_of(
+    policy: object,
+    n_actions: int,
+    given: Callable[[Floats], Any] | None = None,
+    *,
+    finite: bool = True,
+) -> Callable[[Floats], Floats] | None:
+    """Return a policy's method ``action_values``, or the one ``given``, with its answers checked.
+
+    It is from features [N, d] to the value of each action [N, A]; None where there is none.
+    """
+    name = "action_values" if given is not None else f"action_values of {type(policy).__name__}"
+    values = getattr(policy, "action_values", None) if given is None else given
+    if values is None:
+        return None
+    check_function(f"{name}, from observations [N, d] to values [N, A],", values)
+
+    def checked(observations: Floats) -> Floats:
+        shape, cause = (len(observations), n_actions), None
+        try:
+            table: Floats = np.asarray(values(observations), dtype=np.float64)
+            if table.shape == shape and (not finite or np.isfinite(table).all()):
+                return table
+            got = "one that is not finite" if table.shape == shape else f"shape {table.shape}"
+        except Exception as error:  # of another author's function
+            got, cause = described(error), error
+        raise InvalidArgumentError(
+            f"{name} must return for observations of shape {observations.shape}, measured features "
+            f"first, finite numbers of shape {shape}, got {got}"
+        ) from cause
+
+    return checked
 
 
 class FunctionPolicy:
