@@ -25,7 +25,7 @@ from eutree.data.episode import CUT, allowed_in
 from eutree.errors import needed
 from eutree.evaluation import Evaluation, Interval, evaluate
 from eutree.interaction import GuardedEnv, episode_seed, run_episode
-from eutree.interaction.acting import Actor, Controller, as_policy, trained_steps
+from eutree.interaction.acting import Actor, Controller, as_policy, trained_steps, values_of
 from eutree.interaction.decoding import warn_of_codes
 from eutree.interaction.deriving import acting_as, acting_for
 from eutree.interaction.episode import RunPairs, Stream
@@ -41,7 +41,6 @@ from eutree.validation import (
     check_choice,
     check_integer,
     check_kind,
-    check_returned,
     check_seed,
 )
 
@@ -106,19 +105,13 @@ def stakes_of(teacher: Any, action_values: ActionValues | None, n_actions: int) 
     Looked for, in this order: ``action_values``, a method ``action_values`` of the teacher, the
     values of the leaves of a ``TreePolicy``.
     """
-    values = action_values or getattr(teacher, "action_values", None)
+    values = values_of(teacher, n_actions, action_values)
     if values is None:
         tree = teacher if isinstance(teacher, TreePolicy) and not teacher.history else None
         if tree is None or tree.leaves is None or not tree.leaves.compares_actions:
             return None
         return lambda observations: Costs.of(tree, observations, "q-gap").of_action.max(axis=1)
-
-    def gap(observations: Floats) -> Floats:
-        shape = len(observations), n_actions
-        table = check_returned("action_values", values(observations), shape)
-        return np.asarray(table.max(axis=1) - table.min(axis=1))
-
-    return gap
+    return lambda observations: np.ptp(values(observations), axis=1)
 
 
 def weights(stakes: Floats) -> Floats:

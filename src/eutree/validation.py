@@ -230,15 +230,6 @@ def check_finite(name: str, array: Floats) -> None:
         raise InvalidArgumentError(f"{name} must be finite, got {array[place]} at [{where}]")
 
 
-def check_returned(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Floats:
-    """Return what a function gave as finite numbers of a shape, or raise InvalidArgumentError."""
-    array = np.asarray(value, dtype=np.float64)
-    if array.shape != shape or not np.isfinite(array).all():
-        got = "one that is not finite" if array.shape == shape else f"shape {array.shape}"
-        raise InvalidArgumentError(f"{name} must return finite numbers of shape {shape}, got {got}")
-    return array
-
-
 def check_seed(seed: object) -> int:
     """Return ``seed`` as an int from 0 to ``MAX_SEED``, or raise InvalidArgumentError."""
     return check_integer("seed", seed, low=0, high=MAX_SEED)

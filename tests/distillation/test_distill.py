@@ -19,7 +19,7 @@ from eutree.distillation import (
 )
 from eutree.envs.experts import late
 from eutree.errors import InvalidArgumentError, MissingExtraError, UnknownNameError
-from eutree.interaction import GuardedEnv
+from eutree.interaction import DerivedObservation, GuardedEnv
 from eutree.policies import LeafStatistics
 from eutree.schema import Feature, Schema
 from eutree.training.teaching import AskedTeacher
@@ -173,6 +173,44 @@ def test_stakes_are_what_the_worst_action_costs():
         own = AskedTeacher(eutree.Teacher(teacher, 0, wrong), GuardedEnv(Cellar()))
         with pytest.raises(InvalidArgumentError, match=words):
             own.action_values(rows)
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        (np.ones((3, 3)), r"\[N, d\] to values \[N, A\], must be a function, got array"),
+        (lambda o: o[:, 3], r"of shape \(\d+, 1\), .* numbers of shape \(\d+, 3\), got IndexError"),
+        (lambda o: o[:, 1:], r"numbers of shape \(\d+, 3\), got shape"),
+        (lambda o: [["a"] * 3] * len(o), "got ValueError: could not convert"),
+    ],
+)
+def test_values_that_are_none_name_their_argument(values, words):
+    """What they raised came through, a fault of eutree on the command line."""
+    budget = {"iterations": 1, "episodes": 1, "validation_episodes": 2, "method": "viper"}
+    with pytest.raises(InvalidArgumentError, match=f"^action_values.*{words}"):
+        distilled(Teacher(), Cellar(), action_values=values, **budget)
+    teacher = Teacher()
+    teacher.action_values = values
+    with pytest.raises(InvalidArgumentError, match=f"^action_values of Teacher.*{words}"):
+        distilled(teacher, Cellar(), **budget)
+    env, zeros = GuardedEnv(Cellar()), np.zeros((2, 1))
+    with pytest.raises(InvalidArgumentError, match=f"^action_values of Teacher.*{words}"):
+        AskedTeacher(eutree.Teacher(teacher, 0), env).action_values(zeros)
+
+
+def test_values_see_the_measured_features_first():
+    """Those of the page on distillation: of the first columns, or of a code as one number."""
+    seen = []
+
+    def values(observations):
+        seen.append(observations.shape[1])
+        assert (observations[:, 1] == observations[:, 0] / 2).all()
+        return observations[:, :1] * [0.0, 1.0, 2.0]
+
+    env = DerivedObservation(Cellar(), ["half = x0 / 2"])
+    budget = {"iterations": 1, "episodes": 1, "validation_episodes": 2, "method": "viper"}
+    assert distilled(Teacher(), env, action_values=values, **budget)[1].weighted
+    assert seen == [2]
 
 
 def test_a_tree_teacher_has_the_stakes_of_its_leaves():

@@ -11,9 +11,9 @@ from eutree.arrays import Floats
 from eutree.errors import InvalidArgumentError
 from eutree.features import GreedyPolicy
 from eutree.interaction import GuardedEnv
-from eutree.interaction.acting import Actor, Controller, as_policy, trained_steps
+from eutree.interaction.acting import Actor, Controller, as_policy, trained_steps, values_of
 from eutree.policies import TreePolicy
-from eutree.validation import check_amounts, check_returned
+from eutree.validation import check_amounts
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +64,7 @@ class AskedTeacher(GreedyPolicy):
         policy = as_policy(teacher.policy, env.env)
         self._n_actions = env.schema.n_actions
         self._actor = Actor(policy, env)
-        self._values = teacher.action_values or getattr(policy, "action_values", None)
+        self._values = values_of(policy, self._n_actions, teacher.action_values)
 
     def action_values(self, observations: Floats) -> Floats:
         """Return its values at observations [N, d], shape [N, A]; or 1 for its action.
@@ -72,12 +72,9 @@ class AskedTeacher(GreedyPolicy):
         Raises:
             InvalidArgumentError: Its answer is not as it must be.
         """
-        shape = (len(observations), self._n_actions)
-        if self._values is None:
-            table = np.zeros(shape)
-            table[np.arange(shape[0]), [self._decision(row) for row in observations]] = 1.0
-            return table
-        return check_returned("teacher: action_values", self._values(observations), shape)
+        if self._values is not None:
+            return self._values(observations)
+        return np.eye(self._n_actions)[[self._decision(row) for row in observations]]
 
     def _decision(self, observation: Floats) -> int:
         """Return its action at one observation [d]."""
