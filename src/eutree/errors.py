@@ -198,7 +198,7 @@ def noted(kind: type, words: str) -> Iterator[None]:
         yield
     except Exception as error:
         frames = (frame.f_globals.get("__name__", "") for frame, _ in walk_tb(error.__traceback__))
-        package = kind.__module__.partition(".")[0]
+        package = str(kind.__module__).partition(".")[0]
         if package != "eutree" and package in (name.partition(".")[0] for name in frames):
             error.add_note(f"{NOTED}{words}")
         raise

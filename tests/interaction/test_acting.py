@@ -252,6 +252,27 @@ def test_what_cannot_act_is_one_clear_line(call: Any, message: str) -> None:
         call(Wander(SPACES["box"]))
 
 
+class Breaks:
+    def predict(self, observation: Any) -> int:
+        raise KeyError("boom")
+
+
+def breaks(observation: Any) -> int:
+    """Answer an environment, so that it is taken for a function of an observation."""
+    return 0 if isinstance(observation, gymnasium.Env) else observation["boom"]
+
+
+@pytest.mark.parametrize("controller", [Breaks(), Breaks, breaks], ids=["one", "class", "function"])
+@pytest.mark.parametrize("act", [eutree.evaluate, eutree.distill, eutree.record])
+def test_what_a_controller_raises_names_it(controller: Any, act: Any) -> None:
+    """On the command line it was an internal error of eutree."""
+    who = (controller, "CartPole-v1") if act is not eutree.record else ("CartPole-v1", controller)
+    with pytest.raises((KeyError, IndexError)) as caught:
+        act(*who, **({} if act is eutree.distill else {"episodes": 2}))
+    name = "breaks" if controller is breaks else "Breaks"
+    assert caught.value.__notes__ == [f"raised in the controller {__name__}:{name}"]
+
+
 def test_a_mistake_inside_a_function_that_acts_is_its_own() -> None:
     """After a first answer the function is known to take observations: its errors come through."""
     answers = iter([0, 1])

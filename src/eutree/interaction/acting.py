@@ -15,7 +15,7 @@ import gymnasium
 import numpy as np
 
 from eutree.arrays import Booleans, Floats
-from eutree.errors import EutreeError, InvalidArgumentError, described, shown
+from eutree.errors import EutreeError, InvalidArgumentError, described, noted, shown
 from eutree.interaction.guard import GuardedEnv
 from eutree.interaction.spaces import derived_around
 from eutree.policies import Policy
@@ -102,7 +102,13 @@ class FullPolicy:
         known = zip(_KEYWORDS, (state, episode_start, deterministic, action_masks), strict=True)
         keywords = self._keywords & _OF_SB3 if action_masks is None else self._keywords
         taken = {key: value for key, value in known if key in keywords}
-        chosen: Any = self._policy.predict(observation, **taken)
+        try:
+            chosen: Any = self._policy.predict(observation, **taken)
+        except Exception:
+            of: Any = getattr(self._policy, "_function", self._policy)
+            of = of if inspect.isroutine(of) else type(of)
+            with noted(of, f"the controller {of.__module__}:{of.__qualname__}"):
+                raise
         return chosen if isinstance(chosen, tuple) and len(chosen) == 2 else (chosen, state)
 
 
