@@ -192,8 +192,8 @@ def described(error: BaseException) -> str:
 
 
 @contextmanager
-def noted(kind: type, words: str) -> Iterator[None]:
-    """Note ``words`` on what is raised in the package of a class, unless that is eutree itself."""
+def noted(kind: Any, words: str) -> Iterator[None]:
+    """Note ``words`` on what the package of a class or function raises, if that is not eutree."""
     try:
         yield
     except Exception as error:

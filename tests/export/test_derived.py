@@ -118,7 +118,7 @@ def test_c_refuses_to_keep_sums_in_80_bits(number, tmp_path: Path):
     """7 of 3,000 decisions on a sum of tenths were others; what is only compared is exact."""
     derived, plain = deciding(["sum = gap + speed"]), deciding([])
     scale = 50.0 if number == "int32" else None
-    for flags in ("-mfpmath=387 -O0", "-mfpmath=387 -O2", "-mfpmath=sse+387 -O2"):
+    for flags in ("-mfpmath=387 -O0", "-mfpmath=387 -O2 -std=gnu89", "-mfpmath=sse+387 -O2"):
         path = tmp_path / "derived.c"
         path.write_text(to_c(derived, number=number, scale=scale))
         build = [need("gcc"), *C_FLAGS, *flags.split(), "-c", str(path), "-o", f"{path}.o"]

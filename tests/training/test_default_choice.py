@@ -127,6 +127,12 @@ def test_what_only_looks_like_an_angle_is_planned(pair):
     assert default_for(shown(np.cos(angle), np.sin(angle)), 10_000).method.name == "distilled-dqn"
 
 
+def test_episodes_without_a_step_show_no_angle():
+    nothing = tuple(Episode(np.zeros((1, 3)), [], [], False, True) for _ in range(5))
+    shown = eutree.Demonstrations(nothing, Schema.anonymous(3, 2))
+    assert default_for(shown, 10_000).method.name == "planning"
+
+
 SCRIPT = """
 import eutree
 env = "CartPole-v1"

@@ -96,11 +96,10 @@ def _chosen(nominal: list[Any], n_features: int, columns: Sequence[str]) -> Bool
 
 def values_of(frame: Any, table: NDArray[Any], column: int) -> NDArray[Any]:
     """Return the values of a nominal column: those its dtype declares, else those that occur."""
-    for declared in _types(frame)[column : column + 1]:
-        if (
-            np.ndim(values := getattr(declared, "categories", 0)) == 1
-        ):  # not a Categorical of polars
-            return np.asarray(values, dtype=object)
+    for dtype in _types(frame)[column : column + 1]:
+        declared: Any = getattr(dtype, "categories", None)
+        if np.ndim(declared) == 1:  # those of a Categorical of polars are no list
+            return np.asarray(declared, dtype=object)
     known = [value for value in table[:, column] if not is_missing(value)]
     found = sorted(set(known), key=lambda value: (str(type(value)), value))
     return np.array([*found, None], dtype=object)[:-1]  # one-dimensional, also of sequences

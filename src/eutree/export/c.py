@@ -34,9 +34,15 @@ _NO_FAST_MATH = [
 ]
 _DOUBLES = [  # sums on the x87 keep 80 bits, which stored once more are rounded twice
     "#include <float.h>",
-    "#if defined(FLT_EVAL_METHOD) && ((FLT_EVAL_METHOD < 0) || (FLT_EVAL_METHOD == 2))",
-    '#error "doubles must be computed as doubles: compile for SSE2, not for the x87"',
-    "#endif",
+    *(
+        line
+        for name in ("FLT_EVAL_METHOD", "__FLT_EVAL_METHOD__")  # before C99 the compiler's own
+        for line in (
+            f"#if defined({name}) && (({name} < 0) || ({name} == 2))",
+            '#error "doubles must be computed as doubles: compile for SSE2, not for the x87"',
+            "#endif",
+        )
+    ),
 ]
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from eutree.data import DemonstrationFolder, Demonstrations
+from eutree.data.demonstrations import lessons
 from eutree.display import counted
 from eutree.errors import EutreeError, InvalidArgumentError
 from eutree.evaluation import Evaluation, evaluate
@@ -241,7 +242,7 @@ class PageTree:
         known = Demonstrations.load(self._folder)
         driven = sum(episode.by_hand is not None for episode in known)
         own, message = len(known) - driven, "Nothing is left to imitate: the given tree drives on"
-        with suppress(InvalidArgumentError):
+        if lessons(known)[1].size:
             tree = fit_expert_tree(known)
             message = f"Fitted to {own} episodes of yours and {driven} that a tree drove"
         path = self._beside("driving")

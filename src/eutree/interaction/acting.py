@@ -75,8 +75,9 @@ class Actor:
         if allowed is None or allowed[number]:
             return number
         values = values_of(self._given, allowed.size, finite=False)  # of what is forbidden, -inf
-        found = 0.0 if values is None else values(observation[np.newaxis])[0]
-        return int(np.where(allowed, found, -np.inf).argmax())
+        places = np.flatnonzero(allowed)
+        found = np.zeros(allowed.size) if values is None else values(observation[np.newaxis])[0]
+        return int(places[found[places].argmax()])
 
 
 class FullPolicy:
@@ -106,7 +107,7 @@ class FullPolicy:
             chosen: Any = self._policy.predict(observation, **taken)
         except Exception:
             of: Any = getattr(self._policy, "_function", self._policy)
-            of = of if inspect.isroutine(of) else type(of)
+            of = of if inspect.isfunction(of) or inspect.ismethod(of) else type(of)
             with noted(of, f"the controller {of.__module__}:{of.__qualname__}"):
                 raise
         return chosen if isinstance(chosen, tuple) and len(chosen) == 2 else (chosen, state)

@@ -33,7 +33,7 @@ class Driving:
         self._is_new = self.is_paused = self._by_hand = False
         self._number = self._n_by_hand = 0
         self._course: Course | None = None
-        self._began_at = 0.0
+        self._began_at, self._follows = 0.0, False  # after a driven episode that is stored
         self._over_at: float | None = None  # inf until the page was told
         self._changed_at: float | None = None  # what is stored; until the tree is fitted again
         self._ending = ""
@@ -158,7 +158,7 @@ class Driving:
             self._stop()
             return
         self._number, self._over_at, self.is_paused = number, None, False
-        self._began_at = now
+        self._began_at, self._follows = now, number > 0 and play.trial.n_steps > 0
         self._ending, self._success = "", None
         self._by_hand, self._n_by_hand = False, 0
         self._course = Course(programme.policy)
@@ -222,7 +222,7 @@ class Driving:
         if self._play.state != DRIVING or (trial.is_over and not comment):
             return False
         self._changed_at = now
-        is_late = bool(comment) and self._number > 0 and not trial.is_over
+        is_late = bool(comment) and self._follows and not trial.is_over
         is_late &= trial.n_steps == 0 or now < self._began_at + REVIEW_SECONDS
         if last is not None and (trial.is_over or (is_late and recording.episodes[last].kept)):
             recording.mark(last, kept=False, comment=comment)

@@ -126,7 +126,7 @@ class Recording:
     Attributes:
         episodes: All episodes, discarded ones included.
         numbers: The number of each episode in its folder.
-        number: That of the episode under way, until its folder has given it another one.
+        number: That of the episode under way, as far as known; its folder has the last word.
         last: Place of this session's last episode in the list; None before the first, and after
             one that the person ended before its first step.
         start: Number of the present start. It is advanced when an episode is stored.
@@ -307,7 +307,7 @@ class Lessons:
         hurt = self.hurts[number].segments if 0 <= number < len(self.hurts) else ()
         episodes = self._recording.episodes
         # Another recorder's episodes in the same folder have no place.
-        places = {number: place for place, number in enumerate(self._recording.numbers)}
+        places = {file: place for place, file in enumerate(self._recording.numbers)}
         segments = tuple(replace(one, episode=places.get(one.episode, -1)) for one in hurt)
         are_there = all(
             one.episode >= 0

@@ -30,7 +30,7 @@ class Segment:
     """Consecutive steps of one demonstrated episode in which the same action was taken.
 
     Attributes:
-        episode: Number among ``Demonstrations.episodes``.
+        episode: Number among ``Demonstrations.episodes``; on the recorder's page in the folder.
         start: Its first step, from 0.
         stop: The step after its last one.
         seconds: When it begins and ends, from the episode's first step; None if unknown.

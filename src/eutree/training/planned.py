@@ -5,14 +5,14 @@ trees does much with little experience where features are few, and finds nothing
 are many: imagined returns there order no trees any more. Nor do they where an angle is observed as
 its cosine and sine, which turn into each other. A network as teacher needs steps, the more the
 fewer features there are for it to be ahead, and demonstrations that fix its scales
-(docs/results/auto.md has the tasks and figures). Where both could learn the sentence says which the
-other is.
+(docs/results/auto.md has the tasks and figures, and from-nothing.md an angle's). Where both could
+learn the sentence says which the other is.
 """
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, cast
 
@@ -76,13 +76,13 @@ def default_for(
     *,
     teacher: bool = False,
     features: int | None = None,
-    turns: bool = False,
+    turns: Callable[[], bool] = lambda: False,
 ) -> ChosenMethod:
     """Return the method that learns where none is named, and why.
 
     ``steps`` are the budget, None where it is counted otherwise. ``features`` is how many the
-    environment has, if a run may show itself what nobody has shown, and ``turns`` whether two of
-    them are an angle's cosine and sine, as far as that is not seen in what was shown.
+    environment has, if a run may show itself what nobody has shown, and ``turns`` tells whether two
+    of them are an angle's cosine and sine, as far as that is not seen in what was shown.
     """
     if teacher:
         return ChosenMethod(method_of(TEACHING), "distilled-dqn learns: it asks the teacher")
@@ -92,7 +92,8 @@ def default_for(
     enough = next((n for k, n in ENOUGH_STEPS.items() if known >= k), None)
     many = counted(known, "feature")
     why = f"{many} are many for planning"
-    if enough is None and (turns or (shown is not None and _turns(shown.observations))):
+    few_turn = enough is None and steps is not None
+    if few_turn and (turns() if shown is None else _turns(shown.observations)):
         enough, why = ENOUGH_FOR_ANGLES, "planning does little with an angle's cosine and sine"
     few = f"{many} {'is' if known == 1 else 'are'} few enough for it"
     if steps is None:
@@ -109,7 +110,7 @@ def default_for(
 
 def _turns(observations: Floats) -> bool:
     """Return whether two features, shape [n, d], are an angle's cosine and sine wherever it was."""
-    moving = np.ptp(observations, axis=0) > 0.0
+    moving = (observations != observations[:1]).any(axis=0)
     moving &= (np.abs(observations) <= 1.0).all(axis=0) & (observations % 1.0 != 0.0).any(axis=0)
     if moving.sum() < 2:
         return False
@@ -155,7 +156,7 @@ def shown_by_chance(
     guarded = GuardedEnv(env, strict=asked.strict)
     schema, folder = guarded.schema, asked.folder
     seeds = [episode_seed(seed, number, Stream.RECORDING) for number in range(ENOUGH_SHOWN)]
-    turns = method in (None, "auto") and start is None and _begins_at_angles(guarded, seeds)
+    turns = partial(_begins_at_angles, guarded, seeds)
     choice = _choice_of(method, start, asked, None, features=schema.n_features, turns=turns)
     if start is not None or not choice.method.needs.chance_will_do:
         return choice, None
@@ -292,7 +293,7 @@ def _choice_of(
     *,
     offline: bool = False,
     features: int | None = None,
-    turns: bool = False,
+    turns: Callable[[], bool] = lambda: False,
 ) -> ChosenMethod:
     """Return the method that is meant, and why where nobody said so; that is said aloud, too."""
     if isinstance(method, ChosenMethod):
