@@ -34,15 +34,11 @@ _NO_FAST_MATH = [
 ]
 _DOUBLES = [  # sums on the x87 keep 80 bits, which stored once more are rounded twice
     "#include <float.h>",
-    *(
-        line
-        for name in ("FLT_EVAL_METHOD", "__FLT_EVAL_METHOD__")  # before C99 the compiler's own
-        for line in (
-            f"#if defined({name}) && (({name} < 0) || ({name} == 2))",
-            '#error "doubles must be computed as doubles: compile for SSE2, not for the x87"',
-            "#endif",
-        )
-    ),
+    "#if (defined(FLT_EVAL_METHOD) && ((FLT_EVAL_METHOD < 0) || (FLT_EVAL_METHOD == 2))) \\",
+    "    || (defined(__FLT_EVAL_METHOD__) "  # the compiler's own, before C99
+    "&& ((__FLT_EVAL_METHOD__ < 0) || (__FLT_EVAL_METHOD__ == 2)))",
+    '#error "doubles must be computed as doubles: compile for SSE2, not for the x87"',
+    "#endif",
 ]
 
 
