@@ -17,6 +17,8 @@ WORD = re.compile(r"[a-z]{2,}", re.IGNORECASE)
 HOLE = re.compile(r"<[\w.]+>")
 SHOWN_AS_IS = {"shown", "printable", "described", "_brief", "repr", "str", "list", "float", "int"}
 REFUSALS = {"refuse": "FormatError", "_fault": "EnvironmentFault"}
+WARN = "warn", "warnings.warn"  # what warns
+PASSED_ON = "eutree/errors.py"  # where the first is, which says nothing itself
 WARNED = re.compile(r"(?:^|_)warnings?$")  # names of what holds sentences of a warning
 DEEPEST = 7  # steps from a sentence to its words
 Function = ast.FunctionDef | ast.AsyncFunctionDef
@@ -355,7 +357,9 @@ def _raised(node: ast.AST, module: _Module) -> Iterator[Said]:
 def _warned(node: ast.AST, module: _Module) -> Iterator[Said]:
     """Yield the sentences of a warning: given, printed, or in what is named so."""
     texts: list[str] = []
-    if isinstance(node, ast.Call) and ast.unparse(node.func) == "warnings.warn":
+    if module.file == PASSED_ON:
+        return
+    if isinstance(node, ast.Call) and ast.unparse(node.func) in WARN:
         texts = _texts(node.args[0], module) or [""]
     elif isinstance(node, ast.Call) and _last(node.func) == "say" and node.args:
         texts = [one for one in _texts(node.args[0], module) if one.startswith("warning:")]

@@ -15,6 +15,7 @@ The command line prints the message of an ``EutreeError`` as one line and exits 
 
 import sys
 import threading
+import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from difflib import get_close_matches
@@ -189,6 +190,14 @@ def described(error: BaseException) -> str:
         text = ""
     kind = type(error).__name__
     return f"{kind}: {text}" if text else kind
+
+
+def warn(message: str) -> None:
+    """Warn, at the line outside this distribution that led here."""
+    frame, level = sys._getframe(1), 2  # as warnings.warn counts, from here
+    while frame.f_back is not None and frame.f_globals.get("__name__", "").startswith("eutree"):
+        frame, level = frame.f_back, level + 1
+    warnings.warn(message, stacklevel=level)
 
 
 @contextmanager

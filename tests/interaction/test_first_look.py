@@ -182,7 +182,7 @@ def test_whoever_runs_is_told_in_a_sentence(run, registered, tmp_path):
     with pytest.warns(UserWarning, match=r"Drawn-v0 is not repeatable.*from reset on") as told:
         runs[run]()
     assert len([w for w in told if "repeatable" in str(w.message)]) == 1
-    assert {w.filename for w in told} == {__file__} or run != "record"
+    assert {w.filename for w in told} == {__file__}
 
 
 @pytest.mark.parametrize(

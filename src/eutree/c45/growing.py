@@ -3,7 +3,6 @@
 Each attribute is sorted once; a level costs O(d n) however many nodes it has.
 """
 
-import warnings
 from dataclasses import dataclass, field, replace
 from statistics import NormalDist
 from typing import Literal
@@ -15,7 +14,7 @@ from eutree.arrays import Booleans, Floats, Int16s, Int32s, Integers, read_only
 from eutree.c45 import _kernels, _kernels_pruning
 from eutree.c45._kernels import Nodes
 from eutree.c45.tree import C45Tree
-from eutree.errors import InvalidArgumentError
+from eutree.errors import InvalidArgumentError, warn
 from eutree.features import threshold_between
 from eutree.validation import (
     check_actions,
@@ -389,10 +388,10 @@ _DEFAULT = C45Settings()
 def warn_of_light(weights: Floats, least: float) -> None:
     """Warn of rows that weigh too little for a test with two branches, but are enough."""
     if weights.sum() < 2 * least <= len(weights):
-        warnings.warn(
+        warn(
             f"the weights add up to {weights.sum():g}: no test has two branches of min_objects "
-            f"{least:g}, so the tree is one leaf", stacklevel=3,
-        )  # fmt: skip
+            f"{least:g}, so the tree is one leaf"
+        )
 
 
 def grow(

@@ -26,7 +26,7 @@ from eutree.data.files import (
     episode_document,
     episode_from_document,
 )
-from eutree.errors import EutreeError, FileError, FormatError, InvalidArgumentError, needed
+from eutree.errors import EutreeError, FileError, FormatError, InvalidArgumentError, needed, warn
 from eutree.files.documents import decode_document, encode_document
 from eutree.files.schema_document import environment_from_document, schema_from_document
 from eutree.schema import EnvironmentSpec, Feature, Schema
@@ -126,7 +126,7 @@ def _env_spec(environment: EnvironmentSpec, name: str) -> dict[str, str]:
         spec.kwargs.update(arguments)
         return {ENV_SPEC: spec.to_json()}
     except (TypeError, ValueError) as error:
-        warnings.warn(f"{name} stores no env_spec: {error}", stacklevel=4)
+        warn(f"{name} stores no env_spec: {error}")
         return {}
 
 

@@ -1,11 +1,12 @@
 """The N-Evasion domain of the paper, and scripted experts for it and for Gymnasium's tasks."""
 
-import warnings
 from collections.abc import Callable
 from importlib.metadata import entry_points
 from typing import Any
 
 import gymnasium
+
+from eutree.errors import warn
 
 # Those of other distributions, of ``eutree_lab`` too, are registered by a function that its
 # metadata names in the group ``eutree.environments``.
@@ -45,7 +46,4 @@ def register() -> None:
         try:
             point.load()()
         except (Exception, SystemExit) as error:  # a package of another author may raise anything
-            warnings.warn(
-                f"environments {point.name!r}, {point.value}, cannot be registered: {error}",
-                stacklevel=2,
-            )
+            warn(f"environments {point.name!r}, {point.value}, cannot be registered: {error}")

@@ -5,7 +5,6 @@ A policy has SB3's ``predict``; ``eutree.record`` takes the expert itself:
 """
 
 import itertools
-import warnings
 from collections.abc import Callable, Mapping
 from importlib.metadata import entry_points
 from typing import Any
@@ -31,7 +30,7 @@ from eutree.envs._scripted import (
     wait_at_crossing,
     wait_for_the_end,
 )
-from eutree.errors import UnknownNameError
+from eutree.errors import UnknownNameError, warn
 from eutree.validation import check_integer, check_number, check_seed
 
 __all__ = [
@@ -91,9 +90,7 @@ def all_experts() -> Mapping[str, Mapping[str, Expert]]:
                 known = every.get(name, {})
                 every[name] = {**known, **{k: v for k, v in named.items() if k not in known}}
         except (Exception, SystemExit) as error:  # a package of another author may raise anything
-            warnings.warn(
-                f"experts {point.name!r}, {point.value}, cannot be imported: {error}", stacklevel=2
-            )
+            warn(f"experts {point.name!r}, {point.value}, cannot be imported: {error}")
     return every
 
 

@@ -8,7 +8,6 @@ make sense; ``gymnasium.make`` knows no such argument, so ``make`` adds one: ``d
 With ``one_hot=True`` each value of a ``Discrete`` becomes a feature of its own, 1 or 0, of a group.
 """
 
-import warnings
 from typing import Any
 
 import gymnasium
@@ -17,7 +16,7 @@ from gymnasium import spaces
 from gymnasium.wrappers import FlattenObservation
 
 from eutree.arrays import Integers
-from eutree.errors import InvalidArgumentError, described, shown
+from eutree.errors import InvalidArgumentError, described, shown, warn
 from eutree.interaction.action_grid import name_of, wrappers_of
 
 DECODE = "decode"  # the argument of ``make``, as it stands in files
@@ -78,7 +77,7 @@ def one_hot_around(env: gymnasium.Env[Any, Any]) -> FlattenObservation[Any, Any,
     return next((one for one in flattened if one.observation_space == seen), None)
 
 
-def warn_of_codes(env: gymnasium.Env[Any, Any], *, stacklevel: int = 2) -> None:
+def warn_of_codes(env: gymnasium.Env[Any, Any]) -> None:
     """Warn where a tree is about to take a code for an ordered number, and name a remedy."""
     space = env.observation_space
     if not isinstance(space, spaces.Discrete) or space.n <= MANY_CODES:
@@ -89,10 +88,9 @@ def warn_of_codes(env: gymnasium.Env[Any, Any], *, stacklevel: int = 2) -> None:
         if can_decode(env)
         else "Let it observe what they stand for: gymnasium.wrappers.TransformObservation."
     )
-    warnings.warn(
+    warn(
         f"{name_of(env)} observes one code of {space.n} values, which a tree takes for an ordered "
         f"number: neighbouring codes need not have anything in common. {helps}",
-        stacklevel=stacklevel + 1,
     )
 
 

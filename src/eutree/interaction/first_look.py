@@ -16,7 +16,7 @@ import gymnasium
 import numpy as np
 from gymnasium import wrappers
 
-from eutree.errors import EutreeError
+from eutree.errors import EutreeError, warn
 from eutree.interaction.action_grid import (
     ActionMasks,
     GriddedAction,
@@ -44,22 +44,20 @@ def look_at(env: gymnasium.Env[Any, Any], seed: int | None) -> None:
     """
     if seed is None:
         return
-    warn_of_codes(env, stacklevel=3)
+    warn_of_codes(env)
     if not is_limited(env):
-        warnings.warn(
+        warn(
             f"{name_of(env)} names no time limit: an episode that it does not end itself is given "
             f"up after {MAX_EPISODE_STEPS:,} steps; --env-arg max_episode_steps=N sets one, or "
             "gymnasium.make(..., max_episode_steps=N)",
-            stacklevel=3,
         )
     step = first_difference(env, seed)
     if step is not None:
         moment = "reset" if step == 0 else f"step {step}"
-        warnings.warn(
+        warn(
             f"{name_of(env)} is not repeatable: played twice from seed {seed} with the same "
             f"actions, it differs from {moment} on, so nothing recorded or learned in it can be "
             "had again",
-            stacklevel=3,
         )
 
 

@@ -5,7 +5,6 @@ All answers are checked: observations are finite vectors of the right length and
 episodes end. Anything else raises ``EnvironmentFault`` with environment, episode, step and value.
 """
 
-import warnings
 from collections.abc import Callable
 from typing import Any
 
@@ -21,6 +20,7 @@ from eutree.errors import (
     described,
     interrupt_again,
     shown,
+    warn,
 )
 from eutree.features import FeatureMap
 from eutree.interaction.action_grid import (
@@ -277,7 +277,7 @@ class GuardedEnv:
             raise self._fault(message)
         if not self._warned:
             self._warned = True
-            warnings.warn(f"{self.name}: {message} (said once)", stacklevel=4)
+            warn(f"{self.name}: {message} (said once)")
 
     def _reward(self, value: Any) -> float:
         if isinstance(value, str | bytes | bool | np.bool_ | complex) or np.ndim(value):

@@ -16,13 +16,13 @@ half of the room, stay; all older ones are one reservoir.
 Forgetting takes time in proportion to the size, so an eighth of the room is freed at once.
 """
 
-import warnings
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from eutree.arrays import Booleans, Int32s, Integers, grown
+from eutree.errors import warn
 
 RANKS = 2**32
 _FREED = 8
@@ -87,10 +87,9 @@ class RecentEpisodes:
         fits = ranks.size <= self.max_transitions
         if not fits and not self._warned:
             self._warned = True
-            warnings.warn(
+            warn(
                 f"an episode of {ranks.size:,} transitions is more than max_transitions = "
                 f"{self.max_transitions:,}, so nothing can be learned from it (said once)",
-                stacklevel=2,
             )
         return np.full(ranks.size, fits)
 
