@@ -176,6 +176,7 @@ GOOD = [[1.0], [2.0]]
         ({"X": np.empty((0, 2)), "y": []}, "0 sample"),
         ({"X": np.empty((2, 0))}, "0 feature"),
         ({"X": [1.0, 2.0]}, "Expected 2D array"),
+        ({"X": ["a", "b"]}, "must have shape .* 2D"),
         ({"X": [[np.inf], [0.0]]}, "infinity"),
         ({"X": [["a", np.inf], ["b", 1.0]], "nominal_features": [0]}, "infinity"),
         ({"X": [["a"], ["b"]]}, "could not convert string"),

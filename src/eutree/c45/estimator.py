@@ -41,9 +41,13 @@ def nominal_mask(table: Any, nominal: Any) -> Booleans:
             )
         return np.array([str(one).startswith(CATEGORIES) for one in types], dtype=np.bool_)
     shape = np.shape(table)
+    _check_2d(shape)
+    return _chosen(list(nominal), shape[1], list(map(str, columns_of(table))))
+
+
+def _check_2d(shape: Sequence[int]) -> None:
     if len(shape) != 2:
         raise InvalidArgumentError(f"X must have shape (N, d) and be 2D, got shape {shape}")
-    return _chosen(list(nominal), shape[1], list(map(str, columns_of(table))))
 
 
 def text_columns(table: Any, nominal: Booleans) -> list[str] | list[int]:
@@ -52,6 +56,7 @@ def text_columns(table: Any, nominal: Booleans) -> list[str] | list[int]:
     They are named in a data frame, else numbered. ``nominal`` is a mask, shape [d], or empty.
     """
     rows = np.asarray(table, dtype=object)
+    _check_2d(rows.shape)
     wanted = [
         column
         for column in range(rows.shape[1])
