@@ -156,7 +156,7 @@ class Study:
         self.answers = [""] * len(plan.questions)
         self.part = CONSENT
         self._begun = self._is_started = True
-        self._asks = self._leaves = False
+        self._asks = self._leaves = self._is_packed = False
         self._now: float | None = None
         self._due: float | None = None
         self._go_back()
@@ -265,6 +265,7 @@ class Study:
         self._store()
         if self.part == THANKS:
             pack(self._folder, self._folder.parent)
+            self._is_packed = True
 
     def _store(self) -> None:
         document = PersonDocument(
@@ -288,6 +289,8 @@ class Study:
         known = read_document(path, PersonDocument)
         self._seconds, self._maker.results[:] = dict(known.seconds), known.results
         self.answers, self.part = list(known.answers), known.part
+        if self.part == THANKS:  # which may not have been packed
+            self.part = WAITING
         enough = self._counts.is_enough
         for place, episode in enumerate(self._session.episodes):
             if not is_whole(episode):
@@ -310,7 +313,7 @@ class Study:
     @property
     def is_finished(self) -> bool:
         """Whether the person took part to the end, and their results are in one archive."""
-        return self.part == THANKS
+        return self.part == THANKS and self._is_packed
 
     def _delete(self) -> None:
         self._asks, self.part = False, DELETED
@@ -319,11 +322,15 @@ class Study:
         self.clear()
 
     def clear(self) -> None:
-        """Delete files that need not stay: all of them without consent, or once it is withdrawn."""
+        """Delete files that need not stay: all of them without consent, or once it is withdrawn.
+
+        What somebody agreed to give stays until it is in their archive.
+        """
         if self.part == DELETED:
             with suppress(FileNotFoundError):
                 self._folder.with_suffix(".zip").unlink()
-        if self.part in (CONSENT, THANKS, DELETED):
+        agreed = self.part != CONSENT or (self._folder / PERSON_FILE).exists()
+        if not agreed or self.part == DELETED or self.is_finished:
             shutil.rmtree(self._folder, ignore_errors=True)
 
     # ---- fields of the page
