@@ -2,7 +2,7 @@
 
 import pytest
 
-from eutree.errors import FileError
+from eutree.errors import FileError, RunFolderError
 from eutree_lab.study import lead
 from eutree_lab.study.archive import unpack
 from tests.lab.test_leading import (
@@ -55,3 +55,26 @@ def test_what_could_not_be_packed_stays_and_is_packed_later(tmp_path, monkeypatc
     found = unpack(study / f"{code}.zip", tmp_path / "out")
     assert (found.answers, found.part) == (["4", ""], "thanks")
     assert [result.tree for result in found.results] == ["fitted"]
+
+
+def test_a_person_is_led_by_one_recorder_at_a_time(tmp_path) -> None:
+    study = study_of(tmp_path / "study", BRIEF)
+    with taking_part(study) as parts:
+        code = code_of(parts)
+        with pytest.raises(RunFolderError, match=f"{code} is in use by process"):
+            taking_part(study, person=code).__enter__()
+        person = Participant(*parts).say("agree").say("begin").play()
+        with pytest.raises(RunFolderError, match="is in use"):
+            taking_part(study, person=code).__enter__()
+        assert list((study / code / "demos").glob("episode-*"))
+        person.until("questions")
+    with taking_part(study, person=code) as parts:
+        assert parts[2].part == "questions"
+
+
+def test_who_believes_that_nobody_agreed_deletes_nothing_of_whoever_did(tmp_path) -> None:
+    study = study_of(tmp_path / "study", BRIEF)
+    with taking_part(study) as parts:
+        Participant(*parts).say("agree")
+        parts[2].part = "consent"
+    assert (study / code_of(parts) / "person.json").exists()

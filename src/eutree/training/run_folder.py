@@ -144,7 +144,7 @@ class RunFolder:
         self, path: str | Path, config: ConfigDocument, kind: type[Method], *, resume: bool
     ) -> None:
         self.path = make_folder(path, of=RUN)
-        self._lock = _lock(self.path)
+        self._lock = lock_folder(self.path)
         self._begun_with: list[Path] = []
         try:
             self._open(config, kind, resume=resume)
@@ -326,7 +326,7 @@ def _choices(
     return pairs
 
 
-def _lock(folder: Path) -> int:
+def lock_folder(folder: Path) -> int:
     """Return a descriptor that holds the folder's lock, with our pid in it for others to read."""
     path = folder / ".lock"
     with reported("write", path):

@@ -4,6 +4,7 @@ Consent, practice, demonstrations, watching the tree, taking over, questions: ea
 the one before is over, and only its own buttons are obeyed. The page shows the fields of ``view``.
 """
 
+import os
 import secrets
 import shutil
 import tomllib
@@ -27,6 +28,7 @@ from eutree.recording.events import Away, Command, Event
 from eutree.recording.play import COUNTDOWN, FINISHED, OPENING, PLAYING, REVIEW
 from eutree.recording.views import never_ends
 from eutree.schema import EnvironmentSpec
+from eutree.training.run_folder import lock_folder
 from eutree_lab.study.archive import (
     DEMOS,
     FITTED,
@@ -96,6 +98,7 @@ def conduct(
     Raises:
         InvalidArgumentError: There is no such person to go on with, the environment need not end,
             or the study is another one than those before have taken part in.
+        RunFolderError: Another recorder leads this person.
         FormatError: The plan is not valid.
     """
     if never_ends(env):
@@ -106,15 +109,19 @@ def conduct(
     _check_same(study, protocol)
     if person is not None and not (PERSON.fullmatch(person) and (study / person).is_dir()):
         raise InvalidArgumentError(f"{study} has no person {shown(person)} to go on with")
-    folder = study / (person or secrets.token_hex(4))
+    folder = make_folder(study / (person or secrets.token_hex(4)))
     settings = replace(pace, target=plan.episodes, seed=plan.seed, viewer="browser", makes=True)
-    recorder = Recorder(env, make_folder(folder) / DEMOS, keys=keys, settings=settings)
-    maker = StudyTree(folder, spec, plan)
-    guide = Study(recorder, maker, plan, consent, protocol)
+    lock = lock_folder(folder)
     try:
-        yield recorder, maker, guide
+        recorder = Recorder(env, folder / DEMOS, keys=keys, settings=settings)
+        maker = StudyTree(folder, spec, plan)
+        guide = Study(recorder, maker, plan, consent, protocol)
+        try:
+            yield recorder, maker, guide
+        finally:
+            guide.clear()
     finally:
-        guide.clear()
+        os.close(lock)
 
 
 def _check_same(study: Path, protocol: str) -> None:
