@@ -2,9 +2,10 @@
 
 import pytest
 
-from eutree.errors import FileError, RunFolderError
+from eutree.errors import FileError, FormatError, RunFolderError
 from eutree_lab.study import lead
 from eutree_lab.study.archive import unpack
+from eutree_lab.study.plan import open_plan
 from tests.lab.test_leading import (
     Participant,
     few_episodes,  # noqa: F401 - a fixture
@@ -46,7 +47,7 @@ def test_what_could_not_be_packed_stays_and_is_packed_later(tmp_path, monkeypatc
         asked(parts).say("answer", 0, "4").say("send").until("thanks")
     assert not parts[2].is_finished
     code = code_of(parts)
-    assert sorted(path.name for path in study.iterdir()) == [code, "consent.md", "study.toml"]
+    assert {path.name for path in study.iterdir()} == {code, "consent.md", "study.toml"}
     monkeypatch.setattr(lead, "pack", pack)
     with taking_part(study, person=code) as parts:
         Participant(*parts).until("thanks")
@@ -78,3 +79,36 @@ def test_who_believes_that_nobody_agreed_deletes_nothing_of_whoever_did(tmp_path
         Participant(*parts).say("agree")
         parts[2].part = "consent"
     assert (study / code_of(parts) / "person.json").exists()
+
+
+@pytest.mark.parametrize("edited", ["before", "after"])
+def test_the_archive_has_the_text_that_the_person_agreed_to(tmp_path, edited) -> None:
+    study = study_of(tmp_path / "study", BRIEF)
+    (study / "consent.md").write_text("# Shown\n")
+    with taking_part(study) as parts:
+        assert parts[2].view()["text"] == "# Shown\n"
+        if edited == "before":
+            (study / "consent.md").write_text("# Never shown\n")
+            (study / "study.toml").write_text("episodes = 99\n")
+        person = asked(parts)
+        (study / "consent.md").unlink(missing_ok=True)
+        (study / "study.toml").unlink()
+        person.say("send").until("thanks")
+    unpack(study / f"{code_of(parts)}.zip", tmp_path / "out")
+    assert (tmp_path / "out" / "consent.md").read_text() == "# Shown\n"
+    assert (tmp_path / "out" / "study.toml").read_text() == BRIEF
+
+
+def test_a_mark_of_the_byte_order_is_no_fault_and_a_fault_names_its_file(tmp_path) -> None:
+    study = study_of(tmp_path / "study")
+    (study / "study.toml").write_text("episodes = 3\n", encoding="utf-8-sig")
+    (study / "consent.md").write_text("# Für alle\n", encoding="utf-8-sig")
+    plan, consent, _ = open_plan(study)
+    assert (plan.episodes, consent) == (3, "# Für alle\n")
+    (study / "consent.md").write_text("# Für alle\n", encoding="latin-1")
+    with pytest.raises(FormatError, match=r"consent\.md: 'utf-8' codec"):
+        open_plan(study)
+    (study / "consent.md").write_text("# For all\n")
+    (study / "study.toml").write_text("# Für alle\n", encoding="latin-1")
+    with pytest.raises(FormatError, match=r"study\.toml: 'utf-8' codec"):
+        open_plan(study)

@@ -94,12 +94,13 @@ def pack(folder: Path, study: Path) -> Path:
 
     Args:
         folder: The person's.
-        study: Where the plan and the consent text are.
+        study: The study, whose plan and consent text are packed where the person has none.
     """
-    names = [PERSON_FILE, *(f"{tree}.json" for tree in TREES)]
+    names = [PERSON_FILE, PLAN, CONSENT_TEXT, *(f"{tree}.json" for tree in TREES)]
     names += sorted(f"{DEMOS}/{path.name}" for path in (folder / DEMOS).iterdir())
     members = {name: folder / name for name in names if (folder / name).exists()}
-    members |= {name: study / name for name in (PLAN, CONSENT_TEXT)}
+    for name in (PLAN, CONSENT_TEXT):
+        members.setdefault(name, study / name)
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w") as archive:
         for name, path in members.items():

@@ -19,7 +19,7 @@ import msgspec
 
 from eutree.data import Demonstrations
 from eutree.errors import InvalidArgumentError, shown
-from eutree.files import make_folder, read_document, write_document
+from eutree.files import make_folder, read_document, write_bytes, write_document
 from eutree.files.schema_document import environment_to_document
 from eutree.fitting.page_tree import PageTree
 from eutree.interaction.making import make
@@ -65,6 +65,7 @@ from eutree_lab.study.plan import (
     StudyPlan,
     is_whole,
     open_plan,
+    plan_files,
     usual,
 )
 
@@ -105,7 +106,8 @@ def conduct(
         raise InvalidArgumentError(
             f"{spec} must end by itself: give a limit, for example --env-arg max_episode_steps=200"
         )
-    plan, consent, protocol = open_plan(study, spec, keys, pace.fps, pace.hud)
+    files = plan_files(study)
+    plan, consent, protocol = open_plan(study, spec, keys, pace.fps, pace.hud, files=files)
     _check_same(study, protocol)
     if person is not None and not (PERSON.fullmatch(person) and (study / person).is_dir()):
         raise InvalidArgumentError(f"{study} has no person {shown(person)} to go on with")
@@ -115,7 +117,7 @@ def conduct(
     try:
         recorder = Recorder(env, folder / DEMOS, keys=keys, settings=settings)
         maker = StudyTree(folder, spec, plan)
-        guide = Study(recorder, maker, plan, consent, protocol)
+        guide = Study(recorder, maker, plan, consent, protocol, files)
         try:
             yield recorder, maker, guide
         finally:
@@ -148,13 +150,21 @@ class Study:
         plan: The plan, the same for each person.
         consent: The text that the person agrees to.
         protocol: Digest of all that is the same for each person.
+        files: Plan and text as they were read; kept with the person who agrees.
     """
 
     def __init__(
-        self, recorder: Recorder, maker: "StudyTree", plan: StudyPlan, consent: str, protocol: str
+        self,
+        recorder: Recorder,
+        maker: "StudyTree",
+        plan: StudyPlan,
+        consent: str,
+        protocol: str,
+        files: dict[str, bytes],
     ) -> None:
         self._recorder, self._maker, self._plan = recorder, maker, plan
         self._session, self._consent, self._protocol = recorder.session, consent, protocol
+        self._files = files
         self._counts = Counts(recorder.session, plan)
         self._folder = recorder.folder.path.parent
         self._parts = [part for part in PARTS if getattr(plan, COUNTED.get(part, "episodes"))]
@@ -181,6 +191,8 @@ class Study:
             if not text or not options or text in options:
                 self.answers[place] = text[:MAX_ANSWER]
         elif name == "agree" and self.part == CONSENT:
+            for file, data in self._files.items():
+                write_bytes(self._folder / file, data)
             self._go_on()
         elif name == "begin" and not self._begun:
             self._begun, self._is_started = True, False

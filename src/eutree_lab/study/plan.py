@@ -84,30 +84,43 @@ def usual(name: str) -> str:
     return (resources.files(__package__) / name).read_text(encoding="utf-8")
 
 
-def open_plan(folder: Path, *settings: object) -> tuple[StudyPlan, str, str]:
-    """Return the plan of a study, the consent text, and a digest of all that must not change.
-
-    Args:
-        folder: The study; made if it is missing, and so are its two files.
-        settings: The same for each person, too: the environment, its keys and its pace.
+def plan_files(folder: Path) -> dict[str, bytes]:
+    """Return the two files of a study by their names; what is missing is written.
 
     Raises:
-        FormatError: A file is not valid.
         FileError: A file cannot be read or written.
     """
     make_folder(folder)
     for name in (PLAN, CONSENT_TEXT):
         if not (folder / name).exists():
             write_text(folder / name, usual(name))
-    path = folder / PLAN
-    data, consent = (read_bytes(folder / name, limit=MAX_TEXT) for name in (PLAN, CONSENT_TEXT))
+    return {name: read_bytes(folder / name, limit=MAX_TEXT) for name in (PLAN, CONSENT_TEXT)}
+
+
+def open_plan(
+    folder: Path, *settings: object, files: dict[str, bytes] | None = None
+) -> tuple[StudyPlan, str, str]:
+    """Return the plan of a study, the consent text, and a digest of all that must not change.
+
+    Args:
+        folder: The study; made if it is missing, and so are its two files.
+        settings: The same for each person, too: the environment, its keys and its pace.
+        files: Its two files; None to read them now.
+
+    Raises:
+        FormatError: A file is not valid.
+        FileError: A file cannot be read or written.
+    """
+    files = plan_files(folder) if files is None else files
+    name = CONSENT_TEXT
     try:
-        plan = msgspec.convert(tomllib.loads(data.decode()), StudyPlan)
-        text = consent.decode()
+        text = files[name].decode("utf-8-sig")
+        name = PLAN
+        plan = msgspec.convert(tomllib.loads(files[name].decode("utf-8-sig")), StudyPlan)
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, msgspec.ValidationError) as error:
-        raise FormatError(path, "", str(error)) from None
-    digest = hashlib.sha256(repr((data, consent, *map(str, settings))).encode()).hexdigest()
-    return plan, text, digest[:16]
+        raise FormatError(folder / name, "", str(error)) from None
+    facts = (files[PLAN], files[CONSENT_TEXT], *map(str, settings))
+    return plan, text, hashlib.sha256(repr(facts).encode()).hexdigest()[:16]
 
 
 # The parts: their order, the commands obeyed in them, and which of their episodes are done.
