@@ -3,8 +3,9 @@
 import pytest
 
 from eutree.errors import FileError, FormatError, RunFolderError
+from eutree.files import read_document
 from eutree_lab.study import lead
-from eutree_lab.study.archive import unpack
+from eutree_lab.study.archive import PersonDocument, unpack
 from eutree_lab.study.plan import open_plan
 from tests.lab.test_leading import (
     Participant,
@@ -112,3 +113,41 @@ def test_a_mark_of_the_byte_order_is_no_fault_and_a_fault_names_its_file(tmp_pat
     (study / "study.toml").write_text("# Für alle\n", encoding="latin-1")
     with pytest.raises(FormatError, match=r"study\.toml: 'utf-8' codec"):
         open_plan(study)
+
+
+def kept(parts):
+    """What is on the disk, as after a kill."""
+    return read_document(parts[0].folder.path.parent / "person.json", PersonDocument)
+
+
+def test_each_answer_is_on_the_disk_as_soon_as_it_is_given(tmp_path) -> None:
+    study = study_of(tmp_path / "study", BRIEF)
+    with taking_part(study) as parts:
+        person = asked(parts).say("answer", 0, "4").say("answer", 1, "well, no")
+        assert kept(parts).answers == ["4", "well, no"]
+        person.say("answer", 0, "")
+        assert kept(parts).answers == ["", "well, no"]
+    with taking_part(study, person=code_of(parts)) as parts:
+        assert parts[2].view()["answers"] == ["", "well, no"]
+
+
+def test_the_time_of_a_part_is_that_of_all_recorders(tmp_path) -> None:
+    study = study_of(tmp_path / "study", BRIEF.replace("episodes = 1", "episodes = 2"))
+    with taking_part(study) as parts:
+        person = Participant(*parts).say("agree")
+        person.person.wait(5.0)
+        person.say("begin").play()
+        before = kept(parts).seconds["showing"]  # a kill would leave this
+        assert before > 5.0
+        person.person.wait(1.0)
+    stopped = kept(parts).seconds["showing"]
+    assert stopped == pytest.approx(before + 1.0, abs=0.2)
+    with taking_part(study, person=code_of(parts)) as parts:
+        Participant(*parts).say("begin").drive().until("questions")
+        assert kept(parts).seconds["showing"] > stopped + 1.0
+
+
+def test_nothing_is_stored_before_the_consent(tmp_path) -> None:
+    with taking_part(study_of(tmp_path / "study", BRIEF)) as parts:
+        Participant(*parts).person.wait(1.0)
+        assert {path.name for path in parts[0].folder.path.parent.iterdir()} == {"demos", ".lock"}

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from eutree.data import Demonstrations
-from eutree.errors import InvalidArgumentError, shown
+from eutree.errors import FileError, InvalidArgumentError, shown
 from eutree.files import make_folder, read_document, write_bytes, write_document
 from eutree.files.schema_document import environment_to_document
 from eutree.fitting.page_tree import PageTree
@@ -176,6 +176,7 @@ class Study:
         self._asks = self._leaves = self._is_packed = False
         self._now: float | None = None
         self._due: float | None = None
+        self._stored: list[object] = []
         self._go_back()
 
     # ---- buttons and answers of the person
@@ -210,6 +211,8 @@ class Study:
         self._now = now
         if self.part == DELETED:
             return []
+        if self.part not in (CONSENT, THANKS) and self._stored != self._news():
+            self._store()
         session, is_on = self._session, self._begun and not self._asks
         if is_on and self._is_over(now):
             self._go_on()
@@ -286,7 +289,12 @@ class Study:
             pack(self._folder, self._folder.parent)
             self._is_packed = True
 
+    def _news(self) -> list[object]:
+        """Return what is stored as soon as it changes."""
+        return [*self.answers, len(self._session.episodes)]
+
     def _store(self) -> None:
+        self._stored = self._news()
         document = PersonDocument(
             person=self._folder.name,
             protocol=self._protocol,
@@ -351,6 +359,9 @@ class Study:
         agreed = self.part != CONSENT or (self._folder / PERSON_FILE).exists()
         if not agreed or self.part == DELETED or self.is_finished:
             shutil.rmtree(self._folder, ignore_errors=True)
+        elif self.part != CONSENT:  # how long the part took until now
+            with suppress(FileError):
+                self._store()
 
     # ---- fields of the page
 
