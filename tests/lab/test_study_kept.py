@@ -1,18 +1,23 @@
 """What a person of a study did stays, whatever becomes of the recorder or of the disk."""
 
+import shutil
+import warnings
+
 import pytest
 
 from eutree.errors import FileError, FormatError, RunFolderError
 from eutree.files import read_document
-from eutree_lab.study import lead
+from eutree_lab.study import archive
 from eutree_lab.study.archive import PersonDocument, unpack
 from eutree_lab.study.plan import open_plan
+from eutree_lab.study.table import study_table
 from tests.lab.test_leading import (
     Participant,
     few_episodes,  # noqa: F401 - a fixture
     study_of,
     taking_part,
 )
+from tests.lab.test_study import person_of
 
 BRIEF = """
 practice = 0
@@ -38,18 +43,18 @@ def asked(parts):
 
 
 def test_what_could_not_be_packed_stays_and_is_packed_later(tmp_path, monkeypatch) -> None:
-    study, pack = study_of(tmp_path / "study", BRIEF), lead.pack
+    study, pack = study_of(tmp_path / "study", BRIEF), archive.pack
 
     def full(folder, study):
         raise FileError("write", study, "no space left on device")
 
-    monkeypatch.setattr(lead, "pack", full)
+    monkeypatch.setattr(archive, "pack", full)
     with pytest.raises(FileError), taking_part(study) as parts:
         asked(parts).say("answer", 0, "4").say("send").until("thanks")
     assert not parts[2].is_finished
     code = code_of(parts)
     assert {path.name for path in study.iterdir()} == {code, "consent.md", "study.toml"}
-    monkeypatch.setattr(lead, "pack", pack)
+    monkeypatch.setattr(archive, "pack", pack)
     with taking_part(study, person=code) as parts:
         Participant(*parts).until("thanks")
         assert parts[2].is_finished
@@ -151,3 +156,29 @@ def test_nothing_is_stored_before_the_consent(tmp_path) -> None:
     with taking_part(study_of(tmp_path / "study", BRIEF)) as parts:
         Participant(*parts).person.wait(1.0)
         assert {path.name for path in parts[0].folder.path.parent.iterdir()} == {"demos", ".lock"}
+
+
+def test_files_of_others_in_a_study_stop_neither_the_next_person_nor_the_table(tmp_path) -> None:
+    study = study_of(tmp_path / "study", BRIEF)
+    (study / "._0000000a.zip").write_bytes(b"of a system")
+    (study / "notes").mkdir()
+    (study / "notes" / "person.json").write_text("{}")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with taking_part(study):
+            pass
+    person_of(study, "0000000a", answer="2", tmp_path=tmp_path)
+    shutil.rmtree(study / "0000000a")
+    (study / "notes.zip").write_bytes(b"no zip")
+    with pytest.warns(UserWarning, match=r"notes\.zip is left out"):
+        table = study_table(study, episodes=1)
+    assert [row["person"] for row in table.rows] == ["0000000a"]
+    (study / "0000000a.zip").unlink()
+    (study / "0000000b").mkdir()
+    (study / "0000000b" / "person.json").write_text("{}")
+    with pytest.warns(UserWarning, match="is left out") as warned, taking_part(study):
+        pass
+    said = [str(one.message) for one in warned]
+    assert [name in text for name, text in zip(["notes.zip", "0000000b"], said, strict=True)] == [
+        True
+    ] * 2

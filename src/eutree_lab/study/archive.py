@@ -20,7 +20,7 @@ from typing import Any, ClassVar
 
 import msgspec
 
-from eutree.errors import FormatError
+from eutree.errors import FileError, FormatError, warn
 from eutree.files import Document, read_bytes, read_document, write_bytes
 from eutree.files.schema_document import EnvironmentDocument
 from eutree_lab.study.plan import CONSENT_TEXT, PLAN, StudyPlan
@@ -137,6 +137,26 @@ def unpack(path: Path, folder: Path) -> PersonDocument:
     if not (folder / PERSON_FILE).exists():
         raise FormatError(path, PERSON_FILE, "missing")
     return read_document(folder / PERSON_FILE, PersonDocument)
+
+
+def archives(study: Path) -> list[Path]:
+    """Return the archives in a study, sorted; not what a system puts beside its files, ``._*``."""
+    return sorted(path for path in study.glob("*.zip") if not path.name.startswith("."))
+
+
+def read_person(path: Path, folder: Path) -> PersonDocument | None:
+    """Return a person's record; None, with a warning, where a file is of no person.
+
+    Args:
+        path: An archive, or a record itself.
+        folder: Where an archive is unpacked.
+    """
+    try:
+        is_packed = path.suffix == ".zip"
+        return unpack(path, folder) if is_packed else read_document(path, PersonDocument)
+    except (FormatError, FileError) as error:
+        warn(f"{path} is left out, as if it were not there: {error}")
+        return None
 
 
 def result_of(tree: str, policy: Any, played: Any) -> TreeResult:

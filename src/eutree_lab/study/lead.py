@@ -9,7 +9,7 @@ import secrets
 import shutil
 import tomllib
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -29,45 +29,9 @@ from eutree.recording.play import COUNTDOWN, FINISHED, OPENING, PLAYING, REVIEW
 from eutree.recording.views import never_ends
 from eutree.schema import EnvironmentSpec
 from eutree.training.run_folder import lock_folder
-from eutree_lab.study.archive import (
-    DEMOS,
-    FITTED,
-    PERSON_FILE,
-    PRACTISED,
-    TAKEN_OVER,
-    PersonDocument,
-    TreeResult,
-    pack,
-    result_of,
-    unpack,
-    versions,
-)
-from eutree_lab.study.plan import (
-    ACTING,
-    ALLOWED,
-    CONSENT,
-    CORRECTING,
-    COUNTED,
-    DELETED,
-    MAKING,
-    MAX_ANSWER,
-    PARTS,
-    PERSON,
-    PRACTICE,
-    QUESTIONS,
-    READ,
-    SHOWING,
-    THANKS,
-    WAITING,
-    WATCHING,
-    WORDS,
-    Counts,
-    StudyPlan,
-    is_whole,
-    open_plan,
-    plan_files,
-    usual,
-)
+from eutree_lab.study import archive
+from eutree_lab.study import plan as parts
+from eutree_lab.study.plan import Counts, Files, StudyPlan, is_whole, open_plan, plan_files, usual
 
 if TYPE_CHECKING:
     import gymnasium
@@ -107,34 +71,28 @@ def conduct(
             f"{spec} must end by itself: give a limit, for example --env-arg max_episode_steps=200"
         )
     files = plan_files(study)
-    plan, consent, protocol = open_plan(study, spec, keys, pace.fps, pace.hud, files=files)
+    plan, _, protocol = open_plan(study, spec, keys, pace.fps, pace.hud, files=files)
     _check_same(study, protocol)
-    if person is not None and not (PERSON.fullmatch(person) and (study / person).is_dir()):
+    if person is not None and not (parts.PERSON.fullmatch(person) and (study / person).is_dir()):
         raise InvalidArgumentError(f"{study} has no person {shown(person)} to go on with")
     folder = make_folder(study / (person or secrets.token_hex(4)))
     settings = replace(pace, target=plan.episodes, seed=plan.seed, viewer="browser", makes=True)
-    lock = lock_folder(folder)
-    try:
-        recorder = Recorder(env, folder / DEMOS, keys=keys, settings=settings)
+    with ExitStack() as at_the_end:
+        at_the_end.callback(os.close, lock_folder(folder))
+        recorder = Recorder(env, folder / archive.DEMOS, keys=keys, settings=settings)
         maker = StudyTree(folder, spec, plan)
-        guide = Study(recorder, maker, plan, consent, protocol, files)
-        try:
-            yield recorder, maker, guide
-        finally:
-            guide.clear()
-    finally:
-        os.close(lock)
+        guide = Study(recorder, maker, plan, protocol, files)
+        at_the_end.callback(guide.clear)
+        yield recorder, maker, guide
 
 
 def _check_same(study: Path, protocol: str) -> None:
     """Raise InvalidArgumentError if an earlier person took part in another study."""
-    for path in (*study.glob("*.zip"), *study.glob(f"*/{PERSON_FILE}")):
-        if path.suffix == ".zip":
-            with TemporaryDirectory() as name:
-                known = unpack(path, Path(name))
-        else:
-            known = read_document(path, PersonDocument)
-        if known.protocol != protocol:
+    records = study.glob(f"{'[0-9a-f]' * 8}/{archive.PERSON_FILE}")
+    for path in (*archive.archives(study), *records):
+        with TemporaryDirectory() as name:
+            known = archive.read_person(path, Path(name))
+        if known is not None and known.protocol != protocol:
             raise InvalidArgumentError(
                 f"{study} must be the same for each person, and {known.person} took part with "
                 "another environment, option, study.toml or consent.md: begin a new folder"
@@ -148,30 +106,25 @@ class Study:
         recorder: Records into the folder ``demos`` of the person's folder.
         maker: Makes the tree.
         plan: The plan, the same for each person.
-        consent: The text that the person agrees to.
         protocol: Digest of all that is the same for each person.
         files: Plan and text as they were read; kept with the person who agrees.
     """
 
     def __init__(
-        self,
-        recorder: Recorder,
-        maker: "StudyTree",
-        plan: StudyPlan,
-        consent: str,
-        protocol: str,
-        files: dict[str, bytes],
+        self, recorder: Recorder, maker: "StudyTree", plan: StudyPlan, protocol: str, files: Files
     ) -> None:
         self._recorder, self._maker, self._plan = recorder, maker, plan
-        self._session, self._consent, self._protocol = recorder.session, consent, protocol
-        self._files = files
+        self._session, self._protocol, self._files = recorder.session, protocol, files
+        self._consent = files[parts.CONSENT_TEXT].decode("utf-8-sig")
         self._counts = Counts(recorder.session, plan)
         self._folder = recorder.folder.path.parent
-        self._parts = [part for part in PARTS if getattr(plan, COUNTED.get(part, "episodes"))]
-        self._words = tomllib.loads(usual(WORDS))
+        self._parts = [
+            part for part in parts.PARTS if getattr(plan, parts.COUNTED.get(part, "episodes"))
+        ]
+        self._words = tomllib.loads(usual(parts.WORDS))
         self._seconds: dict[str, float] = {}
         self.answers = [""] * len(plan.questions)
-        self.part = CONSENT
+        self.part = parts.CONSENT
         self._begun = self._is_started = True
         self._asks = self._leaves = self._is_packed = False
         self._now: float | None = None
@@ -183,24 +136,24 @@ class Study:
 
     def hear(self, name: str, place: int = 0, text: str = "") -> None:
         """Take in a button of the study's own: see ``_view``."""
-        if (name == "delete" and self._asks) or (name == "decline" and self.part == CONSENT):
+        if (name == "delete" and self._asks) or (name == "decline" and self.part == parts.CONSENT):
             self._delete()
         elif name in ("withdraw", "stay"):
-            self._asks = name == "withdraw" and self.part not in (CONSENT, DELETED)
-        elif name == "answer" and self.part == QUESTIONS and place < len(self.answers):
+            self._asks = name == "withdraw" and self.part not in (parts.CONSENT, parts.DELETED)
+        elif name == "answer" and self.part == parts.QUESTIONS and place < len(self.answers):
             options = self._plan.questions[place].options
             if not text or not options or text in options:
-                self.answers[place] = text[:MAX_ANSWER]
-        elif name == "agree" and self.part == CONSENT:
+                self.answers[place] = text[: parts.MAX_ANSWER]
+        elif name == "agree" and self.part == parts.CONSENT:
             for file, data in self._files.items():
                 write_bytes(self._folder / file, data)
             self._go_on()
         elif name == "begin" and not self._begun:
             self._begun, self._is_started = True, False
-        elif name == "send" and self.part == QUESTIONS:
+        elif name == "send" and self.part == parts.QUESTIONS:
             self._go_on()
         elif name == "leave":
-            self._leaves = self.part == THANKS
+            self._leaves = self.part == parts.THANKS
 
     # ---- the course of the study
 
@@ -209,16 +162,16 @@ class Study:
         if self._now is not None:
             self._seconds[self.part] = self._seconds.get(self.part, 0.0) + now - self._now
         self._now = now
-        if self.part == DELETED:
+        if self.part == parts.DELETED:
             return []
-        if self.part not in (CONSENT, THANKS) and self._stored != self._news():
+        if self.part not in (parts.CONSENT, parts.THANKS) and self._stored != self._news():
             self._store()
         session, is_on = self._session, self._begun and not self._asks
         if is_on and self._is_over(now):
             self._go_on()
             is_on = self._begun
         goes_on = is_on and not self._counts.is_enough(self.part)
-        session.allowed = ALLOWED.get(self.part, ()) if goes_on else ()
+        session.allowed = parts.ALLOWED.get(self.part, ()) if goes_on else ()
         if self._asks:
             moves = session.state in (COUNTDOWN, PLAYING)
             moves = moves or (session.driving.is_on and not session.driving.waits)
@@ -229,16 +182,16 @@ class Study:
         """Return whether the present part is over."""
         session, driving = self._session, self._session.driving
         enough = self._counts.is_enough(self.part)
-        if self.part in (PRACTICE, SHOWING):
-            if self.part == PRACTICE:
+        if self.part in (parts.PRACTICE, parts.SHOWING):
+            if self.part == parts.PRACTICE:
                 self._counts.set_practice_aside()
             return enough and self._was_read(now, session.state in (OPENING, REVIEW))
-        if self.part == MAKING:
+        if self.part == parts.MAKING:
             shown = driving.is_on if self._plan.watched else driving.can_correct
             return shown or self._maker.failed
-        if self.part in (WATCHING, CORRECTING):
-            return not driving.is_on and (enough or self.part == WATCHING)
-        return self.part == WAITING and not session.wishes.is_busy and not self._work()
+        if self.part in (parts.WATCHING, parts.CORRECTING):
+            return not driving.is_on and (enough or self.part == parts.WATCHING)
+        return self.part == parts.WAITING and not session.wishes.is_busy and not self._work()
 
     def _wanted(self, now: float) -> list[Event]:
         """Return the events that begin or end a part."""
@@ -249,44 +202,48 @@ class Study:
         if not self._is_started and session.state in (OPENING, REVIEW):
             self._is_started = True
             return [Command("start")]
-        if self.part == MAKING and not session.wishes.is_busy and not self._maker.results:
+        if self.part == parts.MAKING and not session.wishes.is_busy and not self._maker.results:
             session.wishes.express("make")
-        if self.part == CORRECTING:
+        if self.part == parts.CORRECTING:
             enough = self._counts.is_enough(self.part)
             if driving.is_on == enough and (not enough or self._was_read(now, driving.waits)):
-                session.allowed = (*ACTING, "correct", "finish")
+                session.allowed = (*parts.ACTING, "correct", "finish")
                 return [Command("finish" if enough else "correct")]
-        if self.part in (QUESTIONS, WAITING) and not session.wishes.is_busy and self._work():
+        if (
+            self.part in (parts.QUESTIONS, parts.WAITING)
+            and not session.wishes.is_busy
+            and self._work()
+        ):
             session.wishes.express(self._work())
         return []
 
     def _work(self) -> str:
         """Return the next wish for a tree, while the person answers; empty without one."""
         known = self._maker.names
-        if self._maker.failed or FITTED not in known:
+        if self._maker.failed or archive.FITTED not in known:
             return ""
-        if TAKEN_OVER not in known and self._counts.n_driven:
+        if archive.TAKEN_OVER not in known and self._counts.n_driven:
             return "make"
-        return "practise" if self._plan.practises and PRACTISED not in known else ""
+        return "practise" if self._plan.practises and archive.PRACTISED not in known else ""
 
     def _was_read(self, now: float, is_shown: bool) -> bool:
         """Return whether the end of an episode has been shown for long enough."""
         if not is_shown:
             self._due = None
         elif self._due is None:
-            self._due = now + (1.0 if self.part == CORRECTING else READ)
+            self._due = now + (1.0 if self.part == parts.CORRECTING else parts.READ)
         return self._due is not None and now >= self._due
 
     def _go_on(self) -> None:
         """Begin the next part; the record so far is stored."""
         rest = self._parts[self._parts.index(self.part) + 1 :]
-        skipped = (WATCHING, CORRECTING) if self._maker.failed else ()
+        skipped = (parts.WATCHING, parts.CORRECTING) if self._maker.failed else ()
         self.part = next(part for part in rest if part not in skipped)
-        self._begun = self.part not in (PRACTICE, SHOWING, CORRECTING)
+        self._begun = self.part not in (parts.PRACTICE, parts.SHOWING, parts.CORRECTING)
         self._due = None
         self._store()
-        if self.part == THANKS:
-            pack(self._folder, self._folder.parent)
+        if self.part == parts.THANKS:
+            archive.pack(self._folder, self._folder.parent)
             self._is_packed = True
 
     def _news(self) -> list[object]:
@@ -295,55 +252,59 @@ class Study:
 
     def _store(self) -> None:
         self._stored = self._news()
-        document = PersonDocument(
+        document = archive.PersonDocument(
             person=self._folder.name,
             protocol=self._protocol,
             environment=environment_to_document(self._recorder.folder.environment),
             plan=self._plan,
-            versions=versions(),
+            versions=archive.versions(),
             seconds={part: round(seconds, 2) for part, seconds in self._seconds.items()},
             results=list(self._maker.results),
             answers=list(self.answers),
             part=self.part,
         )
-        write_document(self._folder / PERSON_FILE, document)
+        write_document(self._folder / archive.PERSON_FILE, document)
 
     def _go_back(self) -> None:
         """Go on where a recorder that died has left the person."""
-        path = self._folder / PERSON_FILE
+        path = self._folder / archive.PERSON_FILE
         if not path.exists():
             return
-        known = read_document(path, PersonDocument)
+        known = read_document(path, archive.PersonDocument)
         self._seconds, self._maker.results[:] = dict(known.seconds), known.results
         self.answers, self.part = list(known.answers), known.part
-        if self.part == THANKS:  # which may not have been packed
-            self.part = WAITING
+        if self.part == parts.THANKS:  # which may not have been packed
+            self.part = parts.WAITING
         enough = self._counts.is_enough
         for place, episode in enumerate(self._session.episodes):
             if not is_whole(episode):
                 self._session.recording.mark(place, kept=False, comment="interrupted")
-        if self.part in (WATCHING, CORRECTING):
-            self.part = QUESTIONS if self._counts.n_driven and enough(CORRECTING) else MAKING
-        if self.part == MAKING:
+        if self.part in (parts.WATCHING, parts.CORRECTING):
+            self.part = (
+                parts.QUESTIONS
+                if self._counts.n_driven and enough(parts.CORRECTING)
+                else parts.MAKING
+            )
+        if self.part == parts.MAKING:
             self._maker.results.clear()
-        if self.part == PRACTICE:
+        if self.part == parts.PRACTICE:
             self._counts.set_practice_aside()
-        self._begun = self.part not in (PRACTICE, SHOWING) or enough(self.part)
+        self._begun = self.part not in (parts.PRACTICE, parts.SHOWING) or enough(self.part)
 
     # ---- the end
 
     @property
     def is_withdrawn(self) -> bool:
         """Whether the person had all of it deleted."""
-        return self.part == DELETED
+        return self.part == parts.DELETED
 
     @property
     def is_finished(self) -> bool:
         """Whether the person took part to the end, and their results are in one archive."""
-        return self.part == THANKS and self._is_packed
+        return self.part == parts.THANKS and self._is_packed
 
     def _delete(self) -> None:
-        self._asks, self.part = False, DELETED
+        self._asks, self.part = False, parts.DELETED
         self._recorder.close()
         self._session.play.state = FINISHED
         self.clear()
@@ -353,13 +314,13 @@ class Study:
 
         What somebody agreed to give stays until it is in their archive.
         """
-        if self.part == DELETED:
+        if self.part == parts.DELETED:
             with suppress(FileNotFoundError):
                 self._folder.with_suffix(".zip").unlink()
-        agreed = self.part != CONSENT or (self._folder / PERSON_FILE).exists()
-        if not agreed or self.part == DELETED or self.is_finished:
+        agreed = self.part != parts.CONSENT or (self._folder / archive.PERSON_FILE).exists()
+        if not agreed or self.part == parts.DELETED or self.is_finished:
             shutil.rmtree(self._folder, ignore_errors=True)
-        elif self.part != CONSENT:  # how long the part took until now
+        elif self.part != parts.CONSENT:  # how long the part took until now
             with suppress(FileError):
                 self._store()
 
@@ -376,26 +337,26 @@ class Study:
             for name, count in msgspec.structs.asdict(self._plan).items()
             if isinstance(count, int)
         }
-        is_card = self._asks or not self._begun or self.part not in ALLOWED
-        asks = self.part == QUESTIONS and not self._asks
+        is_card = self._asks or not self._begun or self.part not in parts.ALLOWED
+        asks = self.part == parts.QUESTIONS and not self._asks
         on_it = self._words[card if self._asks or self._begun else "told"]
         return {
             "part": card,
             "place": self._parts.index(self.part) + 1 if self.part in self._parts else 0,
             "of": len(self._parts),
             "title": self._words[card]["title"],
-            "text": self._consent if self.part == CONSENT else text.format(
+            "text": self._consent if self.part == parts.CONSENT else text.format(
                 **numbers, person=self._folder.name, task=self._session.task
             ),
             "is_card": is_card,
             "buttons": on_it.get("buttons", []),
             "allowed": list(self._session.allowed or ()),
             "label": self._counts.label(self.part),
-            "works": self.part in (MAKING, WAITING),
-            "tells": self.part in (MAKING, WAITING, THANKS) and not self._asks,
+            "works": self.part in (parts.MAKING, parts.WAITING),
+            "tells": self.part in (parts.MAKING, parts.WAITING, parts.THANKS) and not self._asks,
             "questions": msgspec.to_builtins(self._plan.questions) if asks else [],
             "answers": self.answers if asks else [],
-            "may_withdraw": self.part not in (CONSENT, DELETED) and not self._asks,
+            "may_withdraw": self.part not in (parts.CONSENT, parts.DELETED) and not self._asks,
         }  # fmt: skip
 
 
@@ -411,9 +372,9 @@ class StudyTree(PageTree):
     """
 
     def __init__(self, folder: Path, spec: EnvironmentSpec, plan: StudyPlan) -> None:
-        super().__init__(folder / DEMOS, lambda: make(spec), seed=plan.seed)
+        super().__init__(folder / archive.DEMOS, lambda: make(spec), seed=plan.seed)
         self._person, self._watched = folder, plan.watched
-        self.results: list[TreeResult] = []
+        self.results: list[archive.TreeResult] = []
         self.failed = False
 
     @property
@@ -423,20 +384,23 @@ class StudyTree(PageTree):
 
     def make(self, show: "Show", stop: Callable[[], bool]) -> None:
         """Make the tree of the demonstrations, or of these and the corrections."""
-        name, of_all = TAKEN_OVER if FITTED in self.names else FITTED, super().make
-        watched = self._watched if name == FITTED else -1
+        name, of_all = (
+            archive.TAKEN_OVER if archive.FITTED in self.names else archive.FITTED,
+            super().make,
+        )
+        watched = self._watched if name == archive.FITTED else -1
         self._keep(name, lambda: of_all(_plainly(show, watched), stop))
 
     def _known(self) -> Demonstrations:
         """Return what a tree is made of; the first one of what the person showed alone."""
         known = super()._known()
         shown = tuple(episode for episode in known.episodes if episode.by_hand is None)
-        return known if FITTED in self.names else replace(known, episodes=shown)
+        return known if archive.FITTED in self.names else replace(known, episodes=shown)
 
     def practise(self, show: "Show", stop: Callable[[], bool]) -> None:
         """Let the tree learn by itself."""
         further = super().practise
-        self._keep(PRACTISED, lambda: further(_plainly(show, -1), stop))
+        self._keep(archive.PRACTISED, lambda: further(_plainly(show, -1), stop))
 
     def missing(self) -> None:
         """Return None: each person is told the same."""
@@ -450,7 +414,7 @@ class StudyTree(PageTree):
         if best is not None:
             tree, played = best
             tree.save(self._person / f"{name}.json")
-            self.results.append(result_of(name, tree, played))
+            self.results.append(archive.result_of(name, tree, played))
 
 
 def _plainly(show: "Show", watched: int) -> "Show":

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 PLAN, CONSENT_TEXT = "study.toml", "consent.md"
 PERSON = re.compile(r"[0-9a-f]{8}")  # the code of a person
+Files = dict[str, bytes]  # the two files, as they were read
 MAX_TEXT = 1 << 20  # bytes of a file that a researcher writes
 MAX_ANSWER = 400  # characters
 
@@ -84,12 +85,8 @@ def usual(name: str) -> str:
     return (resources.files(__package__) / name).read_text(encoding="utf-8")
 
 
-def plan_files(folder: Path) -> dict[str, bytes]:
-    """Return the two files of a study by their names; what is missing is written.
-
-    Raises:
-        FileError: A file cannot be read or written.
-    """
+def plan_files(folder: Path) -> Files:
+    """Return the two files of a study by their names; what is missing is written."""
     make_folder(folder)
     for name in (PLAN, CONSENT_TEXT):
         if not (folder / name).exists():
@@ -98,7 +95,7 @@ def plan_files(folder: Path) -> dict[str, bytes]:
 
 
 def open_plan(
-    folder: Path, *settings: object, files: dict[str, bytes] | None = None
+    folder: Path, *settings: object, files: Files | None = None
 ) -> tuple[StudyPlan, str, str]:
     """Return the plan of a study, the consent text, and a digest of all that must not change.
 

@@ -18,7 +18,7 @@ from eutree.fitting import Person
 from eutree.fitting.page_views import value
 from eutree.interaction.making import make
 from eutree.policies import TreePolicy
-from eutree_lab.study.archive import DEMOS, TREES, PersonDocument, unpack
+from eutree_lab.study.archive import DEMOS, TREES, PersonDocument, archives, read_person
 
 Cell = str | float | None
 OWN = "own"
@@ -85,7 +85,8 @@ class StudyTable:
 def study_table(study: Path, *, episodes: int = 500, seed: int = 1_000_003) -> StudyTable:
     """Return the table of all people of a study who took part to the end.
 
-    Each tree plays further episodes, the same for all: those of the study chose between trees.
+    Each tree plays further episodes, the same for all: those of the study chose between trees. A
+    file that is no archive of a person is left out, with a warning.
 
     Args:
         study: The folder with the archives.
@@ -95,13 +96,14 @@ def study_table(study: Path, *, episodes: int = 500, seed: int = 1_000_003) -> S
     Raises:
         InvalidArgumentError: There is no archive, or two of one person, or they are not of one
             study.
-        FormatError: An archive is damaged.
+        FormatError: What a person did is damaged.
     """
-    paths = sorted(study.glob("*.zip"))
     rows, known, places = [], list[PersonDocument](), dict[str, str]()
-    for path in paths:
+    for path in archives(study):
         with TemporaryDirectory() as name:
-            person = unpack(path, Path(name))
+            person = read_person(path, Path(name))
+            if person is None:
+                continue
             if (other := places.setdefault(person.person, path.name)) != path.name:
                 both = f"{shown(other)} and {shown(path.name)}"
                 raise InvalidArgumentError(f"{study} must hold each person once, got one in {both}")
