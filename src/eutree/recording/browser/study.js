@@ -48,7 +48,7 @@ function studyButton([name, text], place) {
 
 function paragraph(name, text) {
   const element = document.createElement(name);
-  for (const [place, part] of text.split("*").entries()) {
+  for (const [place, part] of text.split(/\*{1,2}([^\s*][^*]*)\*{1,2}/).entries()) {
     const piece = place % 2 ? document.createElement("em") : document.createTextNode(part);
     if (place % 2) piece.textContent = part;
     element.append(piece);
@@ -56,15 +56,29 @@ function paragraph(name, text) {
   return element;
 }
 
-/* Headings, paragraphs and lists of a plain Markdown text. */
+/* Headings, paragraphs and lists of a plain Markdown text: no word of it is left out. */
 function paragraphs(text) {
-  return text.trim().split(/\n\s*\n/).flatMap((block) => {
-    const heading = block.match(/^#+\s+(.*)/);
-    if (heading) return [paragraph("h2", heading[1])];
-    if (!/^[-*] /.test(block)) return [paragraph("p", block.replaceAll(/\s*\n\s*/g, " "))];
-    const list = document.createElement("ul");
-    list.append(...block.split(/\n[-*] /).map((item) => paragraph("li", item.replace(/^[-*] /, "").replaceAll(/\s*\n\s*/g, " "))));
-    return [list];
+  const blocks = []; // name, texts; a text goes on until something else begins
+  let open = null;
+  for (const line of text.trim().split(/\r?\n/)) {
+    const [, heading] = line.match(/^#+\s+(.*)/) || [];
+    const [, mark, item] = line.match(/^\s*([-*+]|\d+[.)])\s+(.*)/) || [];
+    const name = mark && (/\d/.test(mark) ? "ol" : "ul"), last = blocks.at(-1);
+    if (!line.trim()) { open = last?.items && open; if (open) open.rest = true; }
+    else if (heading !== undefined) { blocks.push({ name: "h2", text: heading }); open = null; }
+    else if (mark) {
+      open = { text: item };
+      if (last?.name === name) last.items.push(open);
+      else blocks.push({ name, start: parseInt(mark), items: [open] });
+    } else if (open && !(open.rest && /^\S/.test(line))) open.text += ` ${line.trim()}`;
+    else blocks.push(open = { name: "p", text: line.trim() });
+  }
+  return blocks.map((block) => {
+    if (!block.items) return paragraph(block.name, block.text);
+    const list = document.createElement(block.name);
+    if (block.start > 1) list.start = block.start;
+    list.append(...block.items.map((item) => paragraph("li", item.text)));
+    return list;
   });
 }
 
