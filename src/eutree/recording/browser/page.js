@@ -30,7 +30,7 @@ let drawing = false;
 let binding = null; // the action that waits for its key
 let retry = 0;
 let again = 0; // the timer of the next attempt to connect
-const down = new Map(); // key -> the key's place on the keyboard, or the pad, that holds it
+const down = new Map(); // key -> what holds it: places on the keyboard, fingers on pads
 const sentAt = new Map(); // sequence -> when, until a picture answers
 
 function newName() {
@@ -190,15 +190,21 @@ function nameOf(event) {
 }
 
 function press(key, source) {
-  if (down.has(key)) return;
-  down.set(key, source);
+  if (down.has(key)) { down.get(key).add(source); return; }
+  down.set(key, new Set([source]));
   edge(key, true);
 }
 
-function release(key) {
-  if (!down.has(key)) return;
-  down.delete(key);
-  edge(key, false);
+/* Lets go of what a place on the keyboard, or a finger, holds; a key that another one holds, too,
+   stays down. Returns whether it held anything. */
+function release(source) {
+  const held = [...down].filter(([, sources]) => sources.delete(source));
+  for (const [key, sources] of held) {
+    if (sources.size) continue;
+    down.delete(key);
+    edge(key, false);
+  }
+  return held.length > 0;
 }
 
 function edge(key, isDown) {
@@ -236,9 +242,7 @@ addEventListener("keydown", (event) => {
   if (!event.repeat) press(key, event.code || event.key);
 });
 addEventListener("keyup", (event) => {
-  for (const [key, source] of down) {
-    if (source === (event.code || event.key)) { event.preventDefault(); release(key); }
-  }
+  if (release(event.code || event.key)) event.preventDefault();
 });
 addEventListener("blur", leave);
 document.addEventListener("visibilitychange", () => { if (document.hidden) leave(); });
@@ -255,13 +259,14 @@ function pad(action, key, text) {
   button.dataset.action = action;
   button.dataset.key = key;
   button.append(text, kbd(key));
-  const let_go = () => { for (const [k, source] of down) if (source === button) release(k); };
   button.addEventListener("pointerdown", (event) => {
     event.preventDefault();
     button.setPointerCapture(event.pointerId);
-    for (const one of keysOf(key)) press(one, button);
+    for (const one of keysOf(key)) press(one, `finger ${event.pointerId}`);
   });
-  for (const name of ["pointerup", "pointercancel", "lostpointercapture"]) button.addEventListener(name, let_go);
+  for (const name of ["pointerup", "pointercancel", "lostpointercapture"]) {
+    button.addEventListener(name, (event) => release(`finger ${event.pointerId}`));
+  }
   button.addEventListener("contextmenu", (event) => event.preventDefault());
   return button;
 }

@@ -1,0 +1,61 @@
+"""Fingers, Tab and Enter, and the click of a screen reader: each acts like the keys."""
+
+from contextlib import contextmanager
+
+from eutree.recording import Recorder, SessionSettings
+from tests.recording.people import Corridor
+from tests.recording.serving import in_a_thread
+from tests.recording.typists import PHONE, Person
+
+CENTRE = """(selector) => {
+  const box = document.querySelector(selector).getBoundingClientRect();
+  return { x: box.x + box.width / 2, y: box.y + box.height / 2 };
+}"""
+
+
+@contextmanager
+def playing(chromium, folder, keys, *, fps=10.0, options=None):
+    """Yield somebody in the middle of an episode without an end."""
+    env = Corridor(length=1000, limit=100_000)
+    settings = SessionSettings(target=3, countdown=0.2, fps=fps)
+    recorder = Recorder(env, folder / "demos", keys=keys, settings=settings)
+    with in_a_thread(recorder) as served:
+        person = Person(chromium, served, **options or {}).until(state="opening")
+        person.page.locator("button[data-command=start]").click()
+        yield person.until(state="playing"), served
+
+
+class Fingers:
+    """Fingers on the pads of a page, each of its own number."""
+
+    def __init__(self, person):
+        self._page, self._down = person.page, {}
+        self._devices = person.context.new_cdp_session(person.page)
+
+    def put(self, number, selector):
+        self._down[number] = {**self._page.evaluate(CENTRE, selector), "id": number}
+        self._touch("touchStart", self._down.values())
+
+    def lift(self, number):
+        one = self._down.pop(number)
+        self._touch("touchEnd", [one] if self._down else [])
+
+    def _touch(self, kind, points):
+        event = {"type": kind, "touchPoints": list(points)}
+        self._devices.send("Input.dispatchTouchEvent", event)
+
+
+def test_a_finger_that_stays_holds_what_another_held_before(chromium, tmp_path) -> None:
+    """The action became "none" with the first finger that was lifted."""
+    with playing(chromium, tmp_path, "left=0,left+up=2,none=1", options=PHONE) as (person, _):
+        fingers = Fingers(person)
+        fingers.put(0, ".pad[data-key=left]")
+        person.until(action=0)
+        fingers.put(1, ".pad[data-key='left+up']")
+        person.until(action=2)
+        fingers.lift(0)
+        step = int(person.data("step"))
+        person.until(step=step + 3)
+        assert person.data("action") == "2"
+        fingers.lift(1)
+        person.until(action=1)
