@@ -2,6 +2,8 @@
 
 from contextlib import contextmanager
 
+import pytest
+
 from eutree.recording import Recorder, SessionSettings
 from tests.recording.people import Corridor
 from tests.recording.serving import in_a_thread
@@ -59,3 +61,58 @@ def test_a_finger_that_stays_holds_what_another_held_before(chromium, tmp_path) 
         assert person.data("action") == "2"
         fingers.lift(1)
         person.until(action=1)
+
+
+def tab_to(person, selector):
+    for _ in range(40):
+        person.page.keyboard.press("Tab")
+        if person.page.evaluate("(s) => document.activeElement.matches(s)", selector):
+            return
+    raise AssertionError(f"Tab never reaches {selector}")
+
+
+@pytest.mark.parametrize("key", ["Enter", "Space"])
+def test_a_button_that_has_the_focus_is_held_by_enter_or_space(chromium, tmp_path, key) -> None:
+    """They did nothing on it, and Space even another action where it is the key of one."""
+    with playing(chromium, tmp_path, "left=0,space=2,none=1") as (person, served):
+        tab_to(person, ".pad[data-action=left]")
+        person.down(key).until(action=0)
+        assert person.page.locator(".pad[data-action=left]").get_attribute("aria-pressed") == "true"
+        person.until(step=int(person.data("step")) + 5)  # the key repeats meanwhile
+        assert person.data("action") == "0"
+        person.up(key).until(action=1)
+        assert person.page.evaluate("() => document.activeElement.id") == "pad-left"
+        assert served.heard == [("left", True), ("left", False)]
+        person.page.locator("#picture").click()
+        person.down("Space").until(action=2)
+        person.up("Space").until(action=1)
+
+
+@pytest.mark.parametrize("mode", ["hold", "toggle", "turn"])
+def test_a_click_without_a_pointer_is_one_press(chromium, tmp_path, mode) -> None:
+    with playing(chromium, tmp_path, "left=0,right=2,none=1") as (person, served):
+        if mode != "hold":
+            person.tap("p").until(state="paused")
+            person.page.locator("#mode").select_option(mode)
+            person.tap("Enter") if mode == "turn" else person.page.locator("button.first").click()
+            person.until(state="playing")
+        served.heard.clear()
+        click = "() => document.querySelector('.pad[data-action=right]').click()"
+        person.page.evaluate(click)
+        person.until(action=2)
+        if mode == "toggle":
+            person.rest(0.4)
+            assert person.data("action") == "2"
+            person.page.evaluate(click)
+        if mode != "turn":
+            person.until(action=1)
+        assert served.heard == [("right", True), ("right", False)] * (1 + (mode == "toggle"))
+
+
+def test_a_pointer_presses_once_and_leaves_the_keys_their_meaning(chromium, tmp_path) -> None:
+    with playing(chromium, tmp_path, "left=0,space=2,none=1") as (person, served):
+        person.page.locator(".pad[data-action=left]").click(delay=400)
+        person.rest(0.3)
+        assert served.heard == [("left", True), ("left", False)]
+        person.down("Space").until(action=2)
+        person.up("Space").until(action=1)

@@ -233,16 +233,22 @@ addEventListener("keydown", (event) => {
     show();
     return;
   }
+  const pad = padOf(event), place = event.code || event.key;
+  if (pad && acts()) {
+    event.preventDefault();
+    if (!event.repeat) hold(pad, place);
+    return;
+  }
   const key = nameOf(event);
   if (!acts() || !used(key)) return;
   const native = event.target.closest("button, select, summary");
   if (native && (key === "enter" || key === "space" || native.tagName === "SELECT")
       && !(runs() && !waits() && actionKeys().includes(key))) return;
   event.preventDefault();
-  if (!event.repeat) press(key, event.code || event.key);
+  if (!event.repeat) press(key, place);
 });
 addEventListener("keyup", (event) => {
-  if (release(event.code || event.key)) event.preventDefault();
+  if (release(event.code || event.key) || padOf(event)) event.preventDefault();
 });
 addEventListener("blur", leave);
 document.addEventListener("visibilitychange", () => { if (document.hidden) leave(); });
@@ -252,21 +258,45 @@ addEventListener("pagehide", leave);
 function keysOf(keys) { return keys.length > 1 ? keys.split("+") : [keys]; }
 function areDown(keys) { return keysOf(keys).every((key) => down.has(key)); }
 
+/* The button of an action that has the focus, if this is a key that presses it. */
+function padOf(event) {
+  return ["Enter", " "].includes(event.key) ? event.target.closest(".pad") : null;
+}
+
+function hold(pad, source) {
+  for (const key of keysOf(pad.dataset.key)) press(key, source);
+}
+
+/* One press of whoever can hold nothing, such as a screen reader: down until a decision has fallen,
+   where what is held counts. */
+function pressOnce(pad) {
+  const source = `click ${++clicks}`, at_once = !drives() && (view.turn_based || view.toggle);
+  hold(pad, source);
+  setTimeout(() => release(source), at_once ? 0 : 1000 * view.interval);
+}
+let clicks = 0;
+
 function pad(action, key, text) {
   const button = document.createElement("button");
   button.type = "button";
   button.className = "pad";
   button.dataset.action = action;
   button.dataset.key = key;
+  button.id = `pad-${key}`;
   button.append(text, kbd(key));
+  let touched = -Infinity; // when a pointer last was on it: its click is no further press
   button.addEventListener("pointerdown", (event) => {
     event.preventDefault();
     button.setPointerCapture(event.pointerId);
-    for (const one of keysOf(key)) press(one, `finger ${event.pointerId}`);
+    hold(button, `finger ${event.pointerId}`);
   });
   for (const name of ["pointerup", "pointercancel", "lostpointercapture"]) {
-    button.addEventListener(name, (event) => release(`finger ${event.pointerId}`));
+    button.addEventListener(name, (event) => { touched = performance.now(); release(`finger ${event.pointerId}`); });
   }
+  button.addEventListener("mousedown", (event) => event.preventDefault()); // the focus stays: keys keep their meaning
+  button.addEventListener("click", (event) => {
+    if (acts() && !event.detail && performance.now() > touched + DEAF) pressOnce(button);
+  });
   button.addEventListener("contextmenu", (event) => event.preventDefault());
   return button;
 }
@@ -365,7 +395,7 @@ function show() {
   if (seen && seen !== body.dataset.seen) announce($("title").textContent, $("text").textContent);
   body.dataset.seen = seen;
   if (before !== view.state) {
-    if (runs() && !body.contains(document.activeElement?.closest?.("select"))) $("picture").focus();
+    if (runs() && !document.activeElement?.closest?.("select, .pad")) $("picture").focus();
     if (runs() && document.activeElement?.tagName === "SELECT") $("picture").focus();
     announce($("title").textContent, $("text").textContent);
     if (view.driving) scrollTo(0, 0); // the picture is what matters now
