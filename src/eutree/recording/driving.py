@@ -200,12 +200,14 @@ class Driving:
         play.pictures.expect()
 
     def _decided(self, action: int) -> int:
-        """Return the tree's action, or the person's where a key is held."""
-        controls = self._play.controls
-        waits = controls.keys.controls().get("wait") in controls.held  # the action without a key
-        self._by_hand = self._play.state == DRIVING and (controls.is_active or waits)
+        """Return the tree's action, or the person's where a key is held: the one pressed last."""
+        controls, keys = self._play.controls, self._play.controls.keys
+        wait = keys.controls().get("wait")  # the key of the action without one
+        acting = [key for key in controls.held if key == wait or key in keys.keys]
+        self._by_hand = self._play.state == DRIVING and (controls.is_active or wait in acting)
         self._n_by_hand += self._by_hand
-        return controls.chosen() if self._by_hand else action
+        own = keys.action([], controls.action) if acting[-1:] == [wait] else controls.chosen()
+        return own if self._by_hand else action
 
     def _refit(self, programme: Programme) -> Programme:
         """Let the tree of all that is stored by now drive on."""
