@@ -16,10 +16,10 @@ CENTRE = """(selector) => {
 
 
 @contextmanager
-def playing(chromium, folder, keys, *, fps=10.0, options=None):
+def playing(chromium, folder, keys, *, countdown=0.2, options=None):
     """Yield somebody in the middle of an episode without an end."""
     env = Corridor(length=1000, limit=100_000)
-    settings = SessionSettings(target=3, countdown=0.2, fps=fps)
+    settings = SessionSettings(target=3, countdown=countdown, fps=10.0)
     recorder = Recorder(env, folder / "demos", keys=keys, settings=settings)
     with in_a_thread(recorder) as served:
         person = Person(chromium, served, **options or {}).until(state="opening")
@@ -116,3 +116,17 @@ def test_a_pointer_presses_once_and_leaves_the_keys_their_meaning(chromium, tmp_
         assert served.heard == [("left", True), ("left", False)]
         person.down("Space").until(action=2)
         person.up("Space").until(action=1)
+
+
+def test_what_was_switched_off_by_leaving_is_not_shown_as_on(chromium, tmp_path) -> None:
+    with playing(chromium, tmp_path, "left=0,right=2,none=1", countdown=3.0) as (person, _):
+        person.tap("p").until(state="paused")
+        person.page.locator("#mode").select_option("toggle")
+        person.page.locator("button.first").click()
+        person.until(state="playing").tap("ArrowRight").until(action=2)
+        assert person.page.locator(".pad.on").inner_text().startswith("right")
+        person.page.evaluate("() => dispatchEvent(new Event('blur'))")
+        person.until(state="paused").tap("Enter").until(state="countdown", action=2)
+        assert person.page.locator(".pad.on").count() == 0
+        assert person.page.locator("#acting").inner_text() == "stay"
+        person.until(state="playing", action=1)

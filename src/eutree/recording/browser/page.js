@@ -464,7 +464,7 @@ function lightPads() {
   for (const button of $("pads").children) {
     const action = view.actions.find((a) => a.name === button.dataset.action);
     const held = areDown(button.dataset.key) || Boolean(action?.keys.some(areDown))
-      || (view.toggle && runs() && view.actions[view.action] === action && !action?.is_idle);
+      || (view.toggle && runs() && view.actions[view.coming] === action && !action?.is_idle);
     button.classList.toggle("on", held);
     button.setAttribute("aria-pressed", held);
   }
@@ -759,7 +759,7 @@ function showPill() {
     return;
   }
   const coming = view.actions[view.coming];
-  $("acting").textContent = view.step || view.state === "playing" ? action.name : coming.name;
+  $("acting").textContent = view.state === "playing" ? action.name : coming.name; // what counts next
   $("coming").hidden = coming === action || view.state !== "playing";
   $("coming").textContent = coming.name;
   $("pill").classList.toggle("on", !coming.is_idle);
