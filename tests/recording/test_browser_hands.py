@@ -6,7 +6,7 @@ import pytest
 
 from eutree.recording import Recorder, SessionSettings
 from tests.recording.people import Corridor
-from tests.recording.serving import in_a_thread
+from tests.recording.serving import in_a_thread, serving
 from tests.recording.typists import PHONE, Person
 
 CENTRE = """(selector) => {
@@ -130,3 +130,20 @@ def test_what_was_switched_off_by_leaving_is_not_shown_as_on(chromium, tmp_path)
         assert person.page.locator(".pad.on").count() == 0
         assert person.page.locator("#acting").inner_text() == "stay"
         person.until(state="playing", action=1)
+
+
+def test_a_second_tap_on_change_leaves_the_key_as_it_was(chromium, tmp_path) -> None:
+    """Without a keyboard there was no way out of it."""
+    with serving(tmp_path) as served:
+        person = Person(chromium, served, **PHONE).until(state="opening")
+        row = person.page.locator("#keys tr[data-action='0']")
+        keys = row.inner_text()
+        row.get_by_role("button").tap()
+        assert "press a key" in row.inner_text()
+        row.get_by_role("button", name="Cancel").tap()
+        assert row.inner_text() == keys
+        row.get_by_role("button", name="Change").tap()
+        person.tap("k")
+        person.page.wait_for_function(
+            "() => document.querySelector('#keys').innerText.includes('K')"
+        )

@@ -427,12 +427,16 @@ function showKeys() {
     if (binding === index) keys.append("press a key …");
     else known.filter(Boolean).forEach((key) => keys.append(cap(key), " "));
     if (binding !== index && action.is_idle && !drives()) keys.append(known.length ? "or no key" : "no key");
-    if (view.state === "opening" && acts() && allowed("bind") && binding !== index) {
-      const change = document.createElement("button");
+    if (view.state === "opening" && acts() && allowed("bind")) {
+      const change = document.createElement("button"), awaits = binding === index;
       change.type = "button";
-      change.textContent = "Change";
-      change.setAttribute("aria-label", `Change the key of ${action.name}`);
-      change.addEventListener("click", () => { binding = index; show(); });
+      change.textContent = awaits ? "Cancel" : "Change";
+      change.setAttribute("aria-label", awaits ? `Cancel: keep the key of ${action.name}` : `Change the key of ${action.name}`);
+      change.addEventListener("click", () => {
+        binding = awaits ? null : index;
+        show();
+        $("keys").children[index].querySelector("button").focus(); // the one in its place
+      });
       keys.append(change);
     }
     row.append(cell(action.name), keys);
