@@ -15,6 +15,12 @@ const POINTER = "M0 0L9 -6V6Z"; // at a node that the verdict names
 const linked = (link) => Number(/^#node-(\d+)$/.exec(link.hash)?.[1] ?? NaN);
 const pointed = new Set([...document.querySelectorAll(".verdict a")].map(linked));
 
+/** Return whether a visible node is named by the verdict, or hides one that is. */
+function isPointedAt(node) {
+  const hides = (end) => !isOpen(node) && end < nNodes && pathTo(end).includes(node);
+  return pointed.has(node) || [...pointed].some(hides);
+}
+
 const measure = document.createElement("canvas").getContext("2d");
 
 /** Return the width of a text as it will be drawn. */
@@ -166,7 +172,10 @@ function drawNode(node, { x, y, width }) {
     group.setAttribute("aria-expanded", isOpen(node));
     group.append(...drawLines(node, (width - KNOB) / 2), drawKnob(node, width));
   }
-  if (pointed.has(node)) group.append(drawing("path", { class: "pointed", d: POINTER, transform: `translate(${width + 6} 0)` }));
+  if (isPointedAt(node)) {
+    const after = width + (leaf ? 6 : KNOB + 4);
+    group.append(drawing("path", { class: "pointed", d: POINTER, transform: `translate(${after} 0)` }));
+  }
   group.append(drawing("title", {}, leaf ? words : wordsOf(node)));
   return group;
 }
