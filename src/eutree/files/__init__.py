@@ -4,6 +4,7 @@ from eutree.files.arrays import read_archive, read_arrays, write_archive, write_
 from eutree.files.atomic import (
     check_new_folder,
     check_writable,
+    locked,
     make_folder,
     opened_text,
     read_bytes,
@@ -13,7 +14,7 @@ from eutree.files.atomic import (
 from eutree.files.documents import Document, read_document, write_document
 
 __all__ = [
-    "Document", "check_new_folder", "check_writable", "make_folder", "opened_text", "read_archive",
-    "read_arrays", "read_bytes", "read_document", "write_archive", "write_arrays", "write_bytes",
-    "write_document", "write_text",
+    "Document", "check_new_folder", "check_writable", "locked", "make_folder", "opened_text",
+    "read_archive", "read_arrays", "read_bytes", "read_document", "write_archive", "write_arrays",
+    "write_bytes", "write_document", "write_text",
 ]  # fmt: skip

@@ -19,7 +19,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 
-from eutree.errors import EutreeError, FileError, FormatError
+from eutree.errors import EutreeError, FileError, FormatError, RunFolderError
 
 try:
     import fcntl
@@ -244,6 +244,23 @@ def lock(descriptor: int) -> None:
     """Lock an open file until its process closes it or dies; a lock of another is an OSError."""
     if fcntl is not None:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
+def locked(folder: Path) -> int:
+    """Return a descriptor that holds the folder's lock, with our pid in it for others to read."""
+    with reported("write", folder / ".lock"):
+        descriptor = os.open(folder / ".lock", os.O_RDWR | os.O_CREAT, 0o644)
+        try:
+            lock(descriptor)
+        except BlockingIOError:
+            holder = os.read(descriptor, 32).decode(errors="replace").strip() or "unknown"
+            os.close(descriptor)
+            raise RunFolderError(
+                f"{folder} is in use by process {holder}; wait for it, or choose another folder"
+            ) from None
+        os.ftruncate(descriptor, 0)
+        os.write(descriptor, f"{os.getpid()}\n".encode())
+    return descriptor
 
 
 def is_locked(path: str | Path) -> bool:

@@ -159,8 +159,7 @@ class Driving:
             return
         self._number, self._over_at, self.is_paused = number, None, False
         self._began_at, self._follows = now, number > 0 and play.trial.n_steps > 0
-        self._ending, self._success = "", None
-        self._by_hand, self._n_by_hand = False, 0
+        self._ending, self._success, self._by_hand, self._n_by_hand = "", None, False, 0
         self._course = Course(programme.policy)
         play.controls.start()
         if watched:
@@ -189,8 +188,7 @@ class Driving:
             row = trial.step(action, self._env.step(action), now, {})
             episode = trial.finish() if row.terminated or row.truncated else None
         else:
-            measured = play.pictures.facts(play.controls.pace.speed)
-            measured["by_hand"] = self._by_hand
+            measured = {**play.pictures.facts(play.controls.pace.speed), "by_hand": self._by_hand}
             action = self._recording.step(trial, action, now, measured)
             episode = self._recording.episodes[-1] if trial.is_over else None
         play.controls.action = action
@@ -201,13 +199,13 @@ class Driving:
 
     def _decided(self, action: int) -> int:
         """Return the tree's action, or the person's where a key is held: the one pressed last."""
-        controls, keys = self._play.controls, self._play.controls.keys
-        wait = keys.controls().get("wait")  # the key of the action without one
-        acting = [key for key in controls.held if key == wait or key in keys.keys]
+        controls, wait = self._play.controls, self._play.controls.keys.controls().get("wait")
+        acting = [key for key in controls.held if key in (wait, *controls.keys.keys)]
         self._by_hand = self._play.state == DRIVING and (controls.is_active or wait in acting)
         self._n_by_hand += self._by_hand
-        own = keys.action([], controls.action) if acting[-1:] == [wait] else controls.chosen()
-        return own if self._by_hand else action
+        if self._by_hand and acting[-1:] == [wait]:  # the action without a key
+            return controls.keys.action([], controls.action)
+        return controls.chosen() if self._by_hand else action
 
     def _refit(self, programme: Programme) -> Programme:
         """Let the tree of all that is stored by now drive on."""

@@ -34,8 +34,8 @@ from eutree.data import Demonstrations
 from eutree.errors import FormatError, RunFolderError, blamed
 from eutree.evaluation import curve_to_csv
 from eutree.evaluation.curves import table_to_csv
-from eutree.files import Document, make_folder, read_document, write_document, write_text
-from eutree.files.atomic import RUN, lock, remove_orphans, reported
+from eutree.files import Document, locked, make_folder, read_document, write_document, write_text
+from eutree.files.atomic import RUN, remove_orphans
 from eutree.learners import Method
 from eutree.learners.registry import from_document, to_document
 from eutree.policies import TreePolicy
@@ -144,7 +144,7 @@ class RunFolder:
         self, path: str | Path, config: ConfigDocument, kind: type[Method], *, resume: bool
     ) -> None:
         self.path = make_folder(path, of=RUN)
-        self._lock = lock_folder(self.path)
+        self._lock = locked(self.path)
         self._begun_with: list[Path] = []
         try:
             self._open(config, kind, resume=resume)
@@ -324,21 +324,3 @@ def _choices(
             label = "method" if name == "name" and not prefix else prefix + name
             pairs[label] = (repr(mine), repr(theirs))
     return pairs
-
-
-def lock_folder(folder: Path) -> int:
-    """Return a descriptor that holds the folder's lock, with our pid in it for others to read."""
-    path = folder / ".lock"
-    with reported("write", path):
-        descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
-        try:
-            lock(descriptor)
-        except BlockingIOError:
-            holder = os.read(descriptor, 32).decode(errors="replace").strip() or "unknown"
-            os.close(descriptor)
-            raise RunFolderError(
-                f"{folder} is in use by process {holder}; wait for it, or choose another folder"
-            ) from None
-        os.ftruncate(descriptor, 0)
-        os.write(descriptor, f"{os.getpid()}\n".encode())
-    return descriptor

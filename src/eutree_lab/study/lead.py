@@ -19,7 +19,7 @@ import msgspec
 
 from eutree.data import Demonstrations
 from eutree.errors import FileError, InvalidArgumentError, shown
-from eutree.files import make_folder, read_document, write_bytes, write_document
+from eutree.files import locked, make_folder, read_document, write_bytes, write_document
 from eutree.files.schema_document import environment_to_document
 from eutree.fitting.page_tree import PageTree
 from eutree.interaction.making import make
@@ -28,7 +28,6 @@ from eutree.recording.events import Away, Command, Event
 from eutree.recording.play import COUNTDOWN, FINISHED, OPENING, PLAYING, REVIEW
 from eutree.recording.views import never_ends
 from eutree.schema import EnvironmentSpec
-from eutree.training.run_folder import lock_folder
 from eutree_lab.study import archive
 from eutree_lab.study import plan as parts
 from eutree_lab.study.plan import Counts, Files, StudyPlan, is_whole, open_plan, plan_files, usual
@@ -78,7 +77,7 @@ def conduct(
     folder = make_folder(study / (person or secrets.token_hex(4)))
     settings = replace(pace, target=plan.episodes, seed=plan.seed, viewer="browser", makes=True)
     with ExitStack() as at_the_end:
-        at_the_end.callback(os.close, lock_folder(folder))
+        at_the_end.callback(os.close, locked(folder))
         recorder = Recorder(env, folder / archive.DEMOS, keys=keys, settings=settings)
         maker = StudyTree(folder, spec, plan)
         guide = Study(recorder, maker, plan, protocol, files)
