@@ -64,6 +64,18 @@ def test_the_table_has_a_row_for_each_person_and_means(tmp_path, capsys) -> None
         study_table(tmp_path)
 
 
+def test_a_file_of_no_person_is_named_and_left_out_of_the_table(tmp_path) -> None:
+    study = tmp_path / "study"
+    study.mkdir()
+    person_of(study, "0000000a", answer="2", tmp_path=tmp_path)
+    (study / "._0000000a.zip").write_bytes(b"of a system")
+    (study / "notes.zip").write_bytes(b"no zip")
+    with pytest.warns(UserWarning, match=r"notes\.zip is left out") as warned:
+        table = study_table(study, episodes=1)
+    assert [row["person"] for row in table.rows] == ["0000000a"]
+    assert len(warned) == 1
+
+
 def test_who_lies_there_twice_is_not_counted_twice(tmp_path) -> None:
     study = tmp_path / "study"
     study.mkdir()

@@ -194,6 +194,28 @@ def test_a_held_key_acts_and_letting_go_hands_back(person) -> None:
     assert person.view.driving.n_by_hand == episode.by_hand.sum()
 
 
+def test_the_key_of_no_key_counts_where_it_was_pressed_last() -> None:
+    """Pressing stop during a held go had no effect."""
+    person = correcting(Person(Corridor(length=1000, limit=100_000)), always(LEFT))
+
+    def acts():
+        return person.wait(0.25).view.driving.by_hand, person.view.action
+
+    assert acts() == (False, LEFT)
+    person.press("right")
+    assert acts() == (True, RIGHT)
+    person.press("down")
+    assert acts() == (True, STAY)
+    person.release("right")
+    assert acts() == (True, STAY)
+    person.press("right")
+    assert acts() == (True, RIGHT)
+    person.release("right")
+    assert acts() == (True, STAY)
+    person.release("down")
+    assert acts() == (False, LEFT)
+
+
 def test_the_tree_of_all_that_is_stored_drives_on(person) -> None:
     trees = iter([always(RIGHT), always(LEFT)])
     correcting(person, always(STAY), lambda: next(trees))

@@ -26,6 +26,9 @@ OVER = """() => {
     return left < key.right && right > key.left && top < key.bottom && bottom > key.top;
   }).length;
 }"""
+MARKED = """() => [...document.querySelectorAll(".node:has(.pointed)")]
+  .map((group) => Number(group.dataset.node))"""
+NAMED = "() => pathTo([...pointed].find((node) => node < nNodes))"
 
 
 def grown(n_leaves: int) -> DecisionTree:
@@ -86,3 +89,18 @@ def test_following_moves_nothing_that_is_seen(chromium: Any, tmp_path: Path) -> 
       .map((box) => box.getBoundingClientRect().left))"""
     assert found.page.evaluate(live) >= 0  # what is not seen is brought into view
     found.page.close()
+
+
+def test_the_branch_that_hides_the_named_leaf_is_marked(chromium: Any, tmp_path: Path) -> None:
+    page = opened(chromium, tmp_path, 60, 390, 844).page
+    way = page.evaluate(NAMED)
+    seen = []
+    while not seen or seen[-1] != way[-1]:
+        (marked,) = page.evaluate(MARKED)
+        assert marked in way
+        assert seen == [] or way.index(marked) > way.index(seen[-1])
+        seen.append(marked)
+        if marked != way[-1]:
+            page.evaluate("(node) => toggle(node, true)", marked)
+    assert len(seen) > 1  # it was folded away at first
+    page.close()
