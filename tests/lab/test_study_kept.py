@@ -7,7 +7,7 @@ import pytest
 from eutree.errors import FileError, FormatError, RunFolderError
 from eutree.files import read_document
 from eutree.fitting import page_tree
-from eutree_lab.study import archive
+from eutree_lab.study import archive, lead
 from eutree_lab.study.archive import PersonDocument, unpack
 from eutree_lab.study.plan import open_plan
 from tests.lab.participants import Participant, study_of, taking_part
@@ -133,6 +133,20 @@ def test_each_answer_is_on_the_disk_as_soon_as_it_is_given(tmp_path) -> None:
         assert kept(parts).answers == ["", "well, no"]
     with taking_part(study, person=code_of(parts)) as parts:
         assert parts[2].view()["answers"] == ["", "well, no"]
+
+
+def test_what_could_not_be_stored_is_stored_next_time(tmp_path, monkeypatch) -> None:
+    def full(path, document):
+        raise FileError("write", path, "no space left on device")
+
+    with taking_part(study_of(tmp_path / "study", BRIEF)) as parts:
+        person = Participant(*parts)
+        with monkeypatch.context() as patched:
+            patched.setattr(lead, "write_document", full)
+            with pytest.raises(FileError):
+                parts[2].hear("agree")
+        person.person.wait(0.1)
+        assert kept(parts).part == "showing"
 
 
 def test_the_time_of_a_part_is_that_of_all_recorders(tmp_path) -> None:

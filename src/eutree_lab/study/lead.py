@@ -250,7 +250,6 @@ class Study:
         return [*self.answers, len(self._session.episodes)]
 
     def _store(self) -> None:
-        self._stored = self._news()
         document = archive.PersonDocument(
             person=self._folder.name,
             protocol=self._protocol,
@@ -263,6 +262,7 @@ class Study:
             part=self.part,
         )
         write_document(self._folder / archive.PERSON_FILE, document)
+        self._stored = self._news()
 
     def _go_back(self) -> None:
         """Go on where a recorder that died has left the person."""
