@@ -270,9 +270,9 @@ function hold(pad, source) {
 /* One press of whoever can hold nothing, such as a screen reader: down until a decision has fallen,
    where what is held counts. */
 function pressOnce(pad) {
-  const source = `click ${++clicks}`, at_once = !drives() && (view.turn_based || view.toggle);
+  const source = `click ${++clicks}`, atOnce = !drives() && (view.turn_based || view.toggle);
   hold(pad, source);
-  setTimeout(() => release(source), at_once ? 0 : 1000 * view.interval);
+  setTimeout(() => release(source), atOnce ? 0 : 1000 * view.interval);
 }
 let clicks = 0;
 
