@@ -6,7 +6,7 @@ import numpy as np
 
 from eutree.arrays import Floats
 from eutree.proof import Plant
-from eutree.proof.reach import Acting, _action, _Boxes
+from eutree.proof.reach import Acting, _Boxes, first_action
 
 
 def boxes_along(
@@ -29,7 +29,7 @@ def boxes_along(
     for _ in range(steps):
         possible = acting(boxes.state())
         known &= (possible & (possible - 1)) == 0
-        boxes = boxes.at(plant.step(boxes.state(), _action(possible & -possible)))
+        boxes = boxes.at(plant.step(boxes.state(), first_action(possible)))
         state = boxes.state()
         low, high = (np.stack([getattr(x, end) for x in state], 1) for end in ("low", "high"))
         yield np.where(known[:, None], low, -np.inf), np.where(known[:, None], high, np.inf)

@@ -124,7 +124,7 @@ def _moves(
     """Return where each possible action leads from cells, and how many moves each cell has."""
     state = grid.boxes(cells)
     sets = acting(state)
-    actions = np.arange(int(sets.max()).bit_length())
+    actions = np.arange(acting.n_actions)
     possible = ((sets[:, None] >> actions) & 1 == 1) & keeps[:, None]  # others are out anyway
     row, action = np.nonzero(possible)
     chosen = [Intervals(one.low[row], one.high[row]) for one in state]

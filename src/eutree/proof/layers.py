@@ -22,7 +22,7 @@ from eutree.policies.sklearn_tree import float64_thresholds
 from eutree.proof import _kernels as kernels
 from eutree.proof.intervals import Affine, Doubt, Intervals, Truth, middle
 from eutree.proof.plant import Plant, State
-from eutree.proof.reach import Acting
+from eutree.proof.reach import Acting, first_action
 from eutree.trees.boxes import leaf_boxes
 from eutree.validation import check_numbers
 
@@ -163,8 +163,7 @@ def _harm(
     most = np.full(len(starts), -np.inf)
     with np.errstate(all="ignore"):  # an episode that has broken off long ago may overflow
         for _ in range(horizon):
-            possible = acting(state)
-            later = plant.step(state, np.log2(possible & -possible).astype(np.int64))
+            later = plant.step(state, first_action(acting(state)))
             state = [Intervals.of(middle(one.low, one.high)) for one in later]
             seen = np.broadcast_arrays(*(Intervals.of(one).low for one in plant.measure(state)))
             most = np.fmax(most, harm(np.stack(seen)))

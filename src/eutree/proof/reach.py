@@ -93,7 +93,7 @@ class Acting:
         self._plant, self.n_actions = plant, policy.schema.n_actions
 
     def __call__(self, state: State) -> Integers:
-        """Return which actions are possible in boxes, a bit for each action, shape [N]."""
+        """Return which actions are possible in boxes, a bit for each, the last the sign: [N]."""
         seen = [*map(Intervals.of, self._plant.observe(state))]
         if self._formulas:
             seen = [*seen, *self._derived(seen)]
@@ -241,15 +241,15 @@ class Reach:
         possible = self._acting(boxes.state())
         several = (possible & (possible - 1)) != 0
         if not several.any():
-            return boxes, _action(possible)
+            return boxes, first_action(possible)
         cut = several & self._is_wide(boxes)
         self._cut(boxes[cut])
         lost = several & ~cut & (boxes.branches >= _MOST_BRANCHES)
         self._give_up(boxes[lost])
-        parts, actions = [boxes[~several]], [_action(possible[~several])]
+        parts, actions = [boxes[~several]], [first_action(possible[~several])]
         branching = several & ~cut & ~lost
         small, sets = self._owned(boxes[branching]), possible[branching]
-        for bit in range(int(sets.max(initial=0)).bit_length()):
+        for bit in range(self._acting.n_actions):
             takes = (sets >> bit) & 1 == 1
             parts.append(small[takes])
             actions.append(np.full(int(takes.sum()), bit))
@@ -367,7 +367,7 @@ class Reach:
         return Pieces(self._plant.state, low.T[kept], high.T[kept], earliest, latest)
 
 
-def _action(possible: Integers) -> Integers:
-    """Return the number of the only bit of each set."""
-    found: Integers = np.log2(possible.astype(np.float64)).round().astype(np.int64)
+def first_action(possible: Integers) -> Integers:
+    """Return the first action of each set: so many bits are 0 below the lowest that is 1."""
+    found: Integers = np.bitwise_count(~possible & (possible - 1)).astype(np.int64)
     return found
