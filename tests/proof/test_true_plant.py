@@ -327,3 +327,35 @@ def test_a_measure_that_never_changes_may_be_a_number(line):
     assert prove(line(), plant, asked, effort=FEW).proven
     plant.axes, plant.cells = ((1.0,),), (0.01,)
     assert prove(line(), plant, asked, effort=FEW).proven
+
+
+@pytest.mark.parametrize("limit", [2, 100])
+@pytest.mark.parametrize("asked", ["arrives", "avoids place > 3", "avoids place > 3 for 50 steps"])
+def test_a_limit_that_is_not_that_of_gymnasium_proves_nothing(line, limit, asked):
+    """Of two steps alone, where an episode has ten, it was proven to stay where it does not."""
+    plant = Goal()
+    plant.limit = limit
+    message = f"limit of Goal must be that of Line-v0, 10 steps, got {limit}"
+    policy = line(limit=10)
+    for refused in (lambda: prove(policy, plant, asked), lambda: checked(plant)):
+        with pytest.raises(InvalidArgumentError, match=message):
+            refused()
+    plant.limit = 10
+    assert prove(policy, plant, "avoids place > 1.5", effort=FEW).verdict == "refuted"
+
+
+@pytest.mark.parametrize("limit", [0, -5, 2.0, "2", True])
+def test_what_is_no_limit_is_refused(line, limit):
+    """Nought steps were for ever, and others an error of NumPy, or a property of no step."""
+    plant = Goal()
+    plant.limit = limit
+    for registered in (None, 10):
+        with pytest.raises(InvalidArgumentError, match="limit of Goal must be an integer >= 1"):
+            prove(line(limit=registered), plant, "avoids place > 3")
+
+
+def test_a_property_of_arrival_needs_a_number_of_steps_where_nothing_limits_it(line):
+    with pytest.raises(InvalidArgumentError, match="must be about a number of steps"):
+        prove(line(), Goal(), "arrives")
+    with pytest.raises(InvalidArgumentError, match="must be about a number of steps"):
+        prove(line(limit=10), Goal(), "arrives")

@@ -27,7 +27,7 @@ from eutree.proof.intervals import Intervals, Truth, clip, cos, sin, where
 from eutree.proof.properties import EpisodeProperty
 from eutree.schema import EnvironmentSpec, Feature, Schema
 from eutree.trees.text import derived_features
-from eutree.validation import check_kind, check_listed, check_number, check_range
+from eutree.validation import check_integer, check_kind, check_listed, check_number, check_range
 
 State = Sequence[Intervals]  # one for each number of the state, each of N boxes
 _SEEN = {"float32", "float64"}  # types of observations
@@ -144,6 +144,8 @@ class Plant:
         given, registered = self.environment.arguments, gymnasium.spec(self.environment.id)
         known = dict(given).get("max_episode_steps") or registered.max_episode_steps
         own = None if known == NO_LIMIT else known
+        if self.limit is not None:
+            check_integer(f"limit of {type(self).__name__}", self.limit, low=1)
         if None not in (own, self.limit) and own != self.limit:
             raise InvalidArgumentError(
                 f"limit of {type(self).__name__} must be that of {self.environment}, {own} steps, "
@@ -169,6 +171,7 @@ class Plant:
                 "a policy must decide by the present observation to be proven, got one that "
                 f"remembers {policy.history} observations and {policy.past_actions} actions"
             )
+        _ = self.time_limit  # which refuses one that is not Gymnasium's
         env = self.make()
         seen, measured = describe(env).measured, policy.schema.measured
         seen.check_same(measured, "policy", of=str(self.environment))
