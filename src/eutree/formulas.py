@@ -147,8 +147,9 @@ def _on_ranges(kind: str, operation: Callable[..., Any]) -> Callable[..., Any]:
     """
 
     def compute(*parts: Any) -> Any:
-        around = (-_LEAST, 0.0, _LEAST) if kind in {"/", "abs"} else ()
-        ends = [(*part[:2], *(np.clip(at, *part[:2]) for at in around)) for part in parts]
+        around = {"/": (-_LEAST, 0.0, _LEAST), "abs": (-_LEAST, 0.0, _LEAST), "*": (0.0,)}
+        at = around.get(kind, ())  # 0 times infinity is NaN
+        ends = [(*part[:2], *(np.clip(x, *part[:2]) for x in at)) for part in parts]
         results = itertools.starmap(operation, itertools.product(*ends))
         found = np.stack(np.broadcast_arrays(*results))
         may_be_nan = np.any(np.broadcast_arrays(*(part[2] for part in parts)), axis=0)

@@ -172,3 +172,12 @@ def test_what_is_not_found_out_is_said(monkeypatch):
     (example,) = found.counter_examples
     assert not example.occurs
     assert str(found).endswith("(leaf 1); no such observation was found, nor that there is none")
+
+
+def test_nought_times_infinity_is_reckoned_with():
+    """It takes the right branch; among the ends of a range that holds 0 it is not."""
+    features = tuple(Feature(name, low=-1.0, high=1.0) for name in "ab")
+    schema = Schema(features, ("go", "stop")).derive(["d = min(a * 1e308 * 1000 * b, 5)"])
+    policy = TreePolicy(DecisionTree.single_leaf(3).split(0, 2, 5.0), np.array([0, 1]), schema)
+    assert policy.decide(policy.derivation.rows(np.array([[1.0, 0.0]]))) == 1
+    assert not verify(policy, "always go").holds

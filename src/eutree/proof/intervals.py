@@ -6,6 +6,8 @@ by more than it can have been rounded, so the result holds the exact value *and*
 the program computes, with or without fused operations. ``sin``, ``cos`` and ``sqrt`` are moved by
 four units in the last place of 1: libraries round them as they like.
 
+Bounds that are NaN say that nothing is known: the number may be NaN itself, infinity less infinity.
+
 A comparison of intervals is true surely, true perhaps, or false: a :class:`Truth`. A program's
 ``if`` becomes ``where(truth, one, other)``: where the truth is not sure, both.
 
@@ -93,8 +95,7 @@ class Intervals:
         return cls(np.asarray(low, dtype=np.float64), np.asarray(high, dtype=np.float64))
 
     def __add__(self, other: Number) -> "Intervals":
-        other = Intervals.of(other)
-        return _outward(self.low + other.low, self.high + other.high)
+        return _at_ends(np.add, self, Intervals.of(other))
 
     __radd__ = __add__
 
@@ -111,26 +112,18 @@ class Intervals:
 
     def __mul__(self, other: Number) -> "Intervals":
         other = Intervals.of(other)
-        if other.low is other.high:  # numbers
-            return _hull(self.low * other.low, self.high * other.low)
-        return _hull(
-            self.low * other.low, self.low * other.high,
-            self.high * other.low, self.high * other.high,
-        )  # fmt: skip
+        found = _at_ends(np.multiply, self, other)
+        mine, theirs = self._holds_zero & other._is_infinite, other._holds_zero & self._is_infinite
+        return found.unless(mine | theirs)
 
     __rmul__ = __mul__
 
     def __truediv__(self, other: Number) -> "Intervals":
         other = Intervals.of(other)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            found = _hull(
-                self.low / other.low, self.low / other.high,
-                self.high / other.low, self.high / other.high,
-            )  # fmt: skip
-        crosses = ~((other.low > 0) | (other.high < 0))
-        return Intervals(
-            np.where(crosses, -np.inf, found.low), np.where(crosses, np.inf, found.high)
-        )
+        found = _at_ends(np.divide, self, other)
+        crosses = other._holds_zero & (self.low <= self.high)  # not of NaN
+        low, high = np.where(crosses, -np.inf, found.low), np.where(crosses, np.inf, found.high)
+        return Intervals(low, high).unless(self._is_infinite & other._is_infinite)
 
     def __rtruediv__(self, other: Number) -> "Intervals":
         return Intervals.of(other) / self
@@ -138,8 +131,8 @@ class Intervals:
     def square(self) -> "Intervals":
         """Return the squares, none of which is below 0."""
         found = _hull(self.low * self.low, self.high * self.high)
-        holds_zero = (self.low <= 0) & (self.high >= 0)
-        return Intervals(np.where(holds_zero, 0.0, np.maximum(found.low, 0.0)), found.high)
+        low = np.where(self._holds_zero, 0.0, np.maximum(found.low, 0.0))
+        return Intervals(low, found.high)
 
     def cos(self) -> "Intervals":
         """Return cosines of angles in radians."""
@@ -153,6 +146,19 @@ class Intervals:
         """Return square roots; numbers below 0 count as 0."""
         low, high = (np.sqrt(np.maximum(end, 0.0)) for end in (self.low, self.high))
         return Intervals(np.maximum(low - _margin(low), 0.0), high + _margin(high))
+
+    @property
+    def _holds_zero(self) -> Booleans:
+        return np.asarray((self.low <= 0) & (self.high >= 0))
+
+    @property
+    def _is_infinite(self) -> Booleans:
+        return np.isinf(self.low) | np.isinf(self.high)
+
+    def unless(self, may_be_nan: Booleans) -> "Intervals":
+        """Return these numbers, but that nothing is known of those that may be NaN."""
+        nothing, known = Intervals.of(np.nan), Truth(~may_be_nan, ~may_be_nan)
+        return self.either(known, nothing, nothing) if may_be_nan.any() else self
 
     def settled(self, truth: Truth) -> Truth:
         """Return a statement about a jump as it is: of a box, both sides are followed."""
@@ -258,7 +264,7 @@ def _wave(function: Callable[[Floats], Floats], value: Intervals, peak: float) -
     ends = function(value.low), function(value.high)
     low = np.minimum(*ends) - LIBRARY
     high = np.maximum(*ends) + LIBRARY
-    unknown = ~((np.abs(value.low) < _FAR) & (np.abs(value.high) < _FAR))
+    unknown = (np.abs(value.low) >= _FAR) | (np.abs(value.high) >= _FAR)
     low = np.where(_holds(value, peak + np.pi) | unknown, -1.0, low)
     high = np.where(_holds(value, peak) | unknown, 1.0, high)
     return Intervals(np.maximum(low, -1.0), np.minimum(high, 1.0))
@@ -274,6 +280,13 @@ def _holds(value: Intervals, place: float) -> Booleans:
 def _margin(value: Floats) -> Floats:
     margin: Floats = value * LIBRARY + 5e-324
     return margin
+
+
+def _at_ends(operation: Callable[..., Floats], one: Intervals, other: Intervals) -> Intervals:
+    """Return the hull of an operation's results at the ends; NaN where one of them is."""
+    others = (other.low,) if other.low is other.high else (other.low, other.high)
+    with np.errstate(all="ignore"):
+        return _hull(*(operation(a, b) for a in (one.low, one.high) for b in others))
 
 
 def _hull(*ends: Floats) -> Intervals:

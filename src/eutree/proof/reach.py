@@ -17,7 +17,7 @@ import numpy as np
 
 from eutree.arrays import Booleans, Floats, Integers
 from eutree.errors import InvalidArgumentError
-from eutree.formulas import LARGEST_RATIO
+from eutree.formulas import LARGEST_RATIO, ON_RANGES_OR_NAN
 from eutree.policies import TreePolicy
 from eutree.policies.sklearn_tree import float64_thresholds
 from eutree.proof import _kernels
@@ -119,10 +119,27 @@ def _ratio(one: Intervals, other: Intervals) -> Intervals:
     return clip(Intervals.of(one) / other, -LARGEST_RATIO, LARGEST_RATIO)
 
 
+def _or_nan(kind: str, operation: Callable[..., Any]) -> Callable[..., Any]:
+    """Return an operation on intervals of which nothing is known where it may give NaN."""
+
+    def compute(*parts: Any) -> Any:
+        found, known = operation(*parts), [Intervals.of(one) for one in parts]
+        ends = [end for one in known for end in (one.low, one.high)]
+        if not isinstance(found, Intervals) or all(np.isfinite(end).all() for end in ends):
+            return found  # what is too large is infinite
+        ranges = ((one.low, one.high, False) for one in known)
+        return found.unless(np.asarray(ON_RANGES_OR_NAN[kind](*ranges)[2]))
+
+    return compute
+
+
 # Of formulas, on intervals.
 _OPERATIONS: Mapping[str, Callable[..., Any]] = {
-    "+": operator.add, "-": operator.sub, "*": operator.mul, "negative": operator.neg,
-    "/": _ratio, "min": minimum, "max": maximum, "abs": lambda a: maximum(a, -a), "if": where,
+    **{kind: _or_nan(kind, operation) for kind, operation in (
+        ("+", operator.add), ("-", operator.sub), ("*", operator.mul), ("/", _ratio),
+    )},
+    "negative": operator.neg, "min": minimum, "max": maximum,
+    "abs": lambda a: maximum(a, -a), "if": where,
     "<": lambda a, b: Intervals.of(a) < b, "<=": lambda a, b: Intervals.of(a) <= b,
     ">": lambda a, b: Intervals.of(a) > b, ">=": lambda a, b: Intervals.of(a) >= b,
     "and": operator.and_, "or": operator.or_, "number": np.float64,
