@@ -284,3 +284,44 @@ def test_a_quantity_is_enforced_where_one_action_is_left():
     tree = DecisionTree.single_leaf(1)
     ruled = enforce(TreePolicy(tree, [2], alone), "always valve = 0 when level < 1").policy
     assert verify(ruled, "always valve <= 0 when level < 1").holds
+
+
+def between_kinds():
+    """Return a policy of a group, an integer and categories that goes where none of them can be."""
+    group = [Feature(f"w.{one}", low=0, high=1, is_integer=True, group="w") for one in "xyz"]
+    tariff = Feature("tariff", low=0, high=3, is_integer=True)
+    phase = Feature("phase", low=0, high=2, is_integer=True, categories=("A", "B", "C"))
+    schema = Schema((*group, tariff, phase), ("stop", "go"))
+    tree = DecisionTree.single_leaf(5).split(0, 1, 2.5).split(0, 4, 0.5).split(2, 4, 0.25)
+    return TreePolicy(tree, np.array([0, 1, 0, 1]), schema)
+
+
+@pytest.mark.parametrize("question", ["always stop", "never go when w is x"])
+def test_everywhere_a_counter_example_lies_in_its_region_and_breaks_the_property(question):
+    """One feature of a group was set to 1 in a region where none is, and the policy kept it."""
+    policy = between_kinds()
+    found = verify(policy, question, everywhere=True)
+    assert not found.holds
+    for example in found.counter_examples:
+        assert example.region.contains(example.point)
+        assert policy.predict(example.point)[0] == example.action == 1
+        assert "nothing" not in example.words
+
+
+def test_everywhere_both_points_of_a_switch_lie_where_it_says():
+    group = [Feature(f"w.{one}", low=0, high=1, is_integer=True, group="w") for one in "xyz"]
+    schema = Schema((*group, Feature("load", low=0.0, high=4.0)), ("stop", "go"))
+    tree = DecisionTree.single_leaf(4).split(0, 1, 2.5).split(1, 3, 9.0)
+    policy = TreePolicy(tree, np.array([0, 0, 1]), schema)
+    assert verify(policy, "monotone stop in load").holds
+    (example,) = verify(policy, "monotone stop in load", everywhere=True).counter_examples
+    assert example.region.contains(example.point)
+    assert [policy.predict(at)[0] for at in (example.point, example.raised)] == [0, 1]
+    assert example.words.startswith("stop becomes go where w.y > 2.5 and load <= 9")
+
+
+def test_everywhere_codes_need_not_be_whole():
+    found = verify(between_kinds(), "never go when phase > 0 and phase < 1", everywhere=True)
+    assert not found.holds
+    assert all(0.0 < example.point[4] < 1.0 for example in found.counter_examples)
+    assert verify(between_kinds(), "never go when phase is A and tariff <= 0").holds

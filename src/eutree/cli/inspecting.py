@@ -123,7 +123,7 @@ def diff(first: Path, second: Path, demos: Path | None) -> Result:
 @option.path("--demos", text="Demonstrations, for dead leaves.")
 @option.path("--run", "run_folder", text="Run folder whose observations count, for dead leaves.")
 @click.option("--everywhere", is_flag=True,
-              help="Ask for all numbers, not only those within the features' bounds.")  # fmt: skip
+              help="Ask for all numbers, whatever bounds and kinds features have.")  # fmt: skip
 def verify(
     policy: Path,
     questions: tuple[str, ...],

@@ -51,8 +51,6 @@ class Occurring:
     """
 
     schema: Schema  # the d features, and how some of them are derived
-    # Whether all doubles count, or whole numbers of what is whole, and one category of each group
-    everywhere: bool = False
     # Of these features nothing is asked: a derived one may be NaN, which is in no box, but takes
     # the right branch of every test
     free: frozenset[int] = frozenset()
@@ -130,7 +128,7 @@ class Occurring:
 
     @cached_property
     def _is_whole(self) -> Booleans:
-        return np.array([one.is_integer and not self.everywhere for one in self.schema.features])
+        return np.array([one.is_integer for one in self.schema.features])
 
     def _cuts(self, parts: Floats) -> Floats:
         """Return where each side of parts is halved, shape [N, d]; at its end where it cannot be.
@@ -149,7 +147,7 @@ class Occurring:
     def _points(self, parts: Floats) -> Floats:
         """Return a row of each part, as it would be observed and derived, shape [N, d]."""
         found = self._cuts(parts)
-        for group in [] if self.everywhere else map(list, self.schema.groups.values()):
+        for group in map(list, self.schema.groups.values()):
             found[:, group] = np.eye(len(group))[(parts[1][:, group] >= 1.0).argmax(axis=1)]
         columns = self._derived(list(found.T))
         return np.stack([np.broadcast_to(one, len(found)) for one in columns], axis=1)
@@ -171,5 +169,5 @@ class Occurring:
         rows, along = np.arange(has.sum()), score[has].argmin(axis=1)
         lower[1, rows, along] = upper[0, rows, along] = cuts[has][rows, along]
         low, high = np.concatenate([lower, upper], axis=1)
-        low, high = (low, high) if self.everywhere else possible(low, high, self.schema)
+        low, high = possible(low, high, self.schema)
         return np.stack([low, high])[:, is_box(low, high)]

@@ -1,9 +1,9 @@
 """Exact answers to questions about a policy, by intersecting boxes: a proof or a counter-example.
 
 Everything is decided over the doubles: a property that holds does so for every observation within
-the schema's bounds, and the point of a counter-example is an observation that breaks it. NaN takes
-the right branch of every test. It is outside of every statement where it is observed, not where it
-is derived of numbers. Masks are: all actions are taken to be allowed.
+the schema's bounds and of its kinds, and the point of a counter-example is an observation that
+breaks it. NaN takes the right branch of every test. It is outside of every statement where it is
+observed, not where it is derived of numbers. Masks are: all actions are taken to be allowed.
 """
 
 from collections.abc import Callable, Iterator
@@ -21,6 +21,7 @@ from eutree.inspection.occurring import Occurrence, Occurring
 from eutree.inspection.properties import Property, check_says_all, parse
 from eutree.inspection.regions import Region, domain, finite_box, is_box, ways
 from eutree.policies import TreePolicy
+from eutree.schema import Feature, Schema
 from eutree.trees.boxes import leaf_boxes, possible, volumes
 from eutree.trees.text import Digits, printable
 from eutree.validation import check_kind, check_observations
@@ -121,7 +122,7 @@ def verify(
         policy: The policy in question.
         question: A property; the language is that of :mod:`eutree.inspection.properties`.
         observations: Recorded observations, shape [N, d]; for dead leaves only.
-        everywhere: Ask for all doubles, not only those within the schema's bounds.
+        everywhere: Ask for all doubles, whatever the bounds and kinds of the features.
 
     Raises:
         InvalidArgumentError: The text is no property, or asks about no observation at all.
@@ -130,11 +131,12 @@ def verify(
     asked = parse(question, schema) if isinstance(question, str) else question
     check_kind("question", asked, Property)
     check_says_all(asked, schema, frozenset(policy.tree.feature.tolist()))
+    if everywhere:
+        policy = replace(policy, schema=_of_all_doubles(schema))
     if asked.kind == "no dead leaves":
         parts = [_dead(policy, observations)]
     else:
-        occurring = Occurring(schema, everywhere)
-        found = (_part(policy, asked, region, occurring) for region in asked.regions)
+        found = (_part(policy, asked, region) for region in asked.regions)
         parts = [part for part in found if part is not None]
         if not parts:
             raise InvalidArgumentError(
@@ -160,21 +162,20 @@ def verify(
     )
 
 
-def _part(
-    policy: TreePolicy, asked: Property, region: Region, occurring: Occurring
-) -> _Part | None:
+def _of_all_doubles(schema: Schema) -> Schema:
+    """Return a schema whose features may be any number, without bounds or kinds."""
+    free = (Feature(one.name, one.unit, formula=one.formula) for one in schema.features)
+    return replace(schema, features=tuple(free))
+
+
+def _part(policy: TreePolicy, asked: Property, region: Region) -> _Part | None:
     """Return the part of a property in one of its boxes; None where it holds no observation."""
     schema = policy.schema
     is_free = np.isinf(region.low) & np.isinf(region.high)
-    occurring = replace(occurring, free=frozenset(np.flatnonzero(is_free).tolist()))
-    low, high = region.meet(*leaf_boxes(policy.tree))
-    if not occurring.everywhere:
-        bounds = domain(schema)
-        region = Region(*possible(*bounds.meet(region.low, region.high), schema))
-        if not is_box(region.low, region.high):
-            return None
-        low, high = possible(*bounds.meet(low, high), schema)
-    if occurring.within(region) is None:
+    occurring = Occurring(schema, frozenset(np.flatnonzero(is_free).tolist()))
+    region = Region(*possible(*domain(schema).meet(region.low, region.high), schema))
+    low, high = possible(*region.meet(*leaf_boxes(policy.tree)), schema)
+    if not is_box(region.low, region.high) or occurring.within(region) is None:
         return None
     reaching = np.flatnonzero(is_box(low, high))
     is_asked = False
@@ -248,8 +249,7 @@ def _switching(
         one, two = one[loses], two[loses]
         lows, highs = np.maximum(low[one], low[two]), np.minimum(high[one], high[two])
         lows[:, j], highs[:, j] = low[one, j], high[one, j]
-        if not occurring.everywhere:
-            lows, highs = possible(lows, highs, schema)
+        lows, highs = possible(lows, highs, schema)
         real = is_box(lows, highs)
         one, two, lows, highs = one[real], two[real], lows[real], highs[real]
         shares = volumes(lows, highs, *whole, schema)
