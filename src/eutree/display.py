@@ -75,7 +75,7 @@ def usual_width(low: float, high: float, values: Iterable[float]) -> float:
     or ``_TINY`` without any, call 0 has no digits that matter.
     """
     width = high / 2 - low / 2 if max(-low, high) < _HUGE else math.inf
-    sizes = [abs(value) for value in values if math.isfinite(value)]
+    sizes = [abs(value) for value in values if abs(value) < _HUGE]
     least = _TINY if math.isinf(width) else max(SAME * 2 * width, sys.float_info.min)
     return max(min(2 * width, 10 * max(sizes, default=width)), least)
 

@@ -157,3 +157,40 @@ def test_boxes_that_no_observation_meets_are_no_difference():
     assert diff(one, other).share == 0.0
     assert not diff(one, other).boxes
     assert len(diff(one, real).boxes) == 1
+
+
+def cut_at(cuts, actions, feature):
+    """Return a policy that acts by which of some thresholds, in rising order, a number exceeds."""
+    tree = DecisionTree.single_leaf(1)
+    for leaf, cut in enumerate(cuts):
+        tree = tree.split(leaf, 0, cut)
+    return TreePolicy(tree, np.array(actions), Schema((feature,), ("a", "b", "c")))
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    "feature", [Feature("x"), Feature("x", low=0.0), Feature("x", low=-1.7e308, high=1.7e308)]
+)
+def test_thresholds_of_any_size_leave_no_difference_out(feature):
+    """A range that overflowed was wider than any box: 0.0000 % of the box, and no box."""
+    largest = float(np.finfo(np.float64).max)
+    for outer in (1e308, largest):
+        before = cut_at([-outer, 0.0, 5.0, outer], [0, 0, 1, 0, 0], feature)
+        after = cut_at([-outer, 0.0, 5.0, outer], [0, 1, 0, 1, 0], feature)
+        found = diff(before, after)
+        assert 0.4 < found.share <= 1.0
+        rows = np.array([[-1e308], [-1.0], [1.0], [5.0], [6.0], [1.6e308]])
+        rows = rows[rows[:, 0] >= feature.low]
+        differs = before.decide(rows) != after.decide(rows)
+        held = [sum(box.region.contains(row) for box in found.boxes) for row in rows]
+        assert held == differs.astype(int).tolist()
+        assert np.isfinite([box.share for box in found.boxes]).all()
+
+
+def test_near_thresholds_are_two_where_something_was_observed_between_them():
+    feature = Feature("x", low=-10.0, high=10.0)
+    one, two = (cut_at([cut], [0, 1], feature) for cut in (4.0, 4.0 + 1e-9))
+    assert diff(one, two, observations=[[1.0], [4.0]]).boxes == ()
+    found = diff(one, two, observations=[[1.0], [4.0 + 5e-10]])
+    assert (len(found.boxes), found.visited) == (1, 0.5)
+    assert "another action on 5e-09% of the box and 50.0% of the recorded steps" in str(found)

@@ -64,8 +64,8 @@ class PolicyDiff(Displayed):
         before, after = self.n_leaves
         steps = "" if self.visited is None else f" and {self.visited:.1%} of the recorded steps"
         lines = [
-            f"{counted(before, 'leaf')}, then {after}; another action on {self.share:.4%} of the "
-            f"box{steps}"
+            f"{counted(before, 'leaf')}, then {after}; another action on {_percent(self.share)} of "
+            f"the box{steps}"
         ]
         lines += [f"  {_share(box)}: {box.words}" for box in self.boxes[:10]]
         if len(self.boxes) > 10:
@@ -75,7 +75,12 @@ class PolicyDiff(Displayed):
 
 def _share(box: Disagreement) -> str:
     """Return how large a box is, or how many of the recorded steps lie in it."""
-    return f"{box.share:.4%}" if box.visited is None else f"{box.visited:.1%} of the steps"
+    return _percent(box.share) if box.visited is None else f"{box.visited:.1%} of the steps"
+
+
+def _percent(share: float) -> str:
+    """Return a share in percent, which is 0 only of nothing."""
+    return f"{share:.4%}" if share == 0.0 or share >= 1e-6 else f"{100 * share:.2g}%"
 
 
 def diff(
@@ -85,7 +90,7 @@ def diff(
 
     The box is that of the schema's bounds; where they are infinite it reaches a tenth beyond the
     outermost thresholds of both trees and of the observations, if these are given. Two thresholds
-    that are nearer than a millionth of the range are one.
+    that are nearer than a millionth of the range are one, unless observations lie between them.
 
     Args:
         first: The policy before the change.
@@ -111,14 +116,17 @@ def diff(
     real = is_box(low, high)
     low, high, actions = _joined(low[real], high[real], actions[real])
     digits = Digits(mine, first.tree, second.tree)
-    wide = ((high - low > SAME * np.array(digits.widths)) | (low <= inside.low)).all(axis=1)
-    low, high, actions = low[wide], high[wide], actions[wide]
-    if mine.derived:
-        found = map(Occurring(mine, most=_MOST_PARTS).within, map(Region, low, high))
-        occurs = np.array([one is not None for one in found], dtype=bool)
-        low, high, actions = low[occurs], high[occurs], actions[occurs]
-    shares = volumes(low, high, box_low, box_high, mine)
+    widths = np.array(digits.widths)  # infinite where nothing is known of one
+    wide = (high / 2 - low / 2 > SAME * widths / 2) | (low <= inside.low) | np.isinf(widths)
     visited = None if seen is None else _visits(low, high, inside, seen)
+    kept = wide.all(axis=1) if visited is None else wide.all(axis=1) | (visited > 0.0)
+    if mine.derived:
+        occurring = Occurring(mine, most=_MOST_PARTS)
+        for k in np.flatnonzero(kept).tolist():
+            kept[k] = occurring.within(Region(low[k], high[k])) is not None
+    low, high, actions = low[kept], high[kept], actions[kept]
+    visited = None if visited is None else visited[kept]
+    shares = volumes(low, high, box_low, box_high, mine)
     order = np.lexsort([-shares] if visited is None else [-shares, -visited])
     boxes = []
     for number in order.tolist():

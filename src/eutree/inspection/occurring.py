@@ -17,13 +17,12 @@ import numpy as np
 from eutree.arrays import Booleans, Floats
 from eutree.features import Derivation
 from eutree.formulas import ON_RANGES_OR_NAN, Formula
-from eutree.inspection.regions import Region, is_box
+from eutree.inspection.regions import LARGEST, Region, is_box
 from eutree.schema import Schema
 from eutree.trees.boxes import possible
 
 MOST_PARTS = 20_000
 _AT_ONCE = 256  # the latest ones, so that a first observation is found soon
-_LARGEST = float(np.finfo(np.float64).max)
 _WIDE = 16.0  # so many times as large: halved by magnitude
 
 
@@ -62,7 +61,7 @@ class Occurring:
             return Occurrence(box.point(self.schema), True)
         parts = np.stack([box.low, box.high])[:, np.newaxis]
         left = MOST_PARTS if self.most is None else self.most
-        parts[1] = np.minimum(parts[1], _LARGEST)
+        parts[1] = np.minimum(parts[1], LARGEST)
         while parts.shape[1]:
             if left <= 0:
                 return Occurrence(box.point(self.schema), False)
@@ -119,7 +118,7 @@ class Occurring:
                 inside = (least <= box.high[j]) & (most > box.low[j])
                 may_be &= inside | (may_be_nan & is_right[j])
                 for reach in (box.low[j] - least, most - box.high[j]):
-                    beyond += np.clip(np.nan_to_num(reach, nan=0.0), 0.0, _LARGEST / 1e4)
+                    beyond += np.clip(np.nan_to_num(reach, nan=0.0), 0.0, LARGEST / 1e4)
         return may_be, beyond
 
     def _is_right(self, box: Region) -> Booleans:
@@ -135,7 +134,7 @@ class Occurring:
 
         That is in the middle or, of numbers of unlike magnitudes, at 0 or the middle magnitude.
         """
-        low, high = np.clip(parts, -_LARGEST, _LARGEST)
+        low, high = np.clip(parts, -LARGEST, LARGEST)
         ends = np.abs([low, high])
         least, most = np.maximum(ends.min(axis=0), 1.0), ends.max(axis=0)
         magnitude = np.where(high > 0.0, 1.0, -1.0) * np.sqrt(least) * np.sqrt(most)

@@ -17,6 +17,7 @@ from eutree.trees.boxes import leaf_boxes, left_of_group, meetings, possible, wh
 from eutree.trees.text import Digits, choice, printable, whole
 
 _FLIPPED = {">": "<", ">=": "<="}
+LARGEST = float(np.finfo(np.float64).max)
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,10 +144,10 @@ def finite_box(
         cuts = [tree.threshold[tree.feature == j] for tree in trees]
         known = np.concatenate([*cuts, [] if seen is None else seen[:, j], [low[j], high[j]]])
         known = known[np.isfinite(known)]
-        least, most = (known.min(), known.max()) if known.size else (0.0, 0.0)
+        least, most = (float(known.min()), float(known.max())) if known.size else (0.0, 0.0)
         beyond = (most / 10 - least / 10) or 1.0
-        low[j] = low[j] if np.isfinite(low[j]) else least - beyond
-        high[j] = high[j] if np.isfinite(high[j]) else most + beyond
+        low[j] = low[j] if np.isfinite(low[j]) else least - min(beyond, LARGEST + least)
+        high[j] = high[j] if np.isfinite(high[j]) else most + min(beyond, LARGEST - most)
     return whole_bounds(low, high, schema)
 
 

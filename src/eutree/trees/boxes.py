@@ -167,7 +167,8 @@ def volumes(low: Floats, high: Floats, box_low: Floats, box_high: Floats, schema
         scale = np.where(np.isinf(box_high - box_low), 0.25, 1.0)  # else a width were infinite
     low, high, box_low, box_high = (ends * scale for ends in (low, high, box_low, box_high))
     width = np.where(flat, 1.0, box_high - box_low)
-    sides = np.clip(np.minimum(high, box_high) - np.maximum(low, box_low), 0.0, None) / width
+    ends = (np.clip(end, box_low, box_high) for end in (high, low))
+    sides = np.clip(np.subtract(*ends), 0.0, None) / width
     sides = np.where(flat, (low < box_low) & (box_low <= high), sides)
     for group in map(list, schema.groups.values()):
         of_all = box_high[group] >= 1.0
