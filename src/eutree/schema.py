@@ -152,11 +152,8 @@ class Control:
     def __post_init__(self) -> None:
         if not self.name:
             raise InvalidArgumentError("a control must have a name, got an empty one")
-        if (
-            len(set(self.levels)) != len(self.levels)
-            or not self.levels
-            or not all(map(math.isfinite, self.levels))
-        ):
+        distinct = len(set(self.levels)) == len(self.levels) > 0
+        if not (distinct and all(map(math.isfinite, self.levels))):
             raise InvalidArgumentError(
                 f"control {self.name!r} must have at least one level, all distinct and finite, "
                 f"got {list(self.levels)}"
@@ -431,10 +428,8 @@ class Schema:
     @classmethod
     def anonymous(cls, n_features: int, n_actions: int) -> "Schema":
         """Return a schema with features ``x0, x1, ...`` and actions ``action_0, action_1, ...``."""
-        return cls(
-            features=tuple(Feature(f"x{i}") for i in range(n_features)),
-            actions=numbered_actions(n_actions),
-        )
+        features = tuple(Feature(f"x{i}") for i in range(n_features))
+        return cls(features, numbered_actions(n_actions))
 
     def with_history(self, steps: int, actions: int = 0) -> "Schema":
         """Return the schema of the features that a ``FeatureMap`` makes of an observation.
@@ -488,6 +483,10 @@ class EnvironmentSpec:
     id: str
     arguments: Mapping[str, Any] = field(default_factory=dict)
     from_file: frozenset[str] = field(default=frozenset(), compare=False, repr=False)
+
+    def __post_init__(self) -> None:
+        check_kind("id", self.id, str)
+        check_kind("arguments", self.arguments, Mapping)  # type: ignore[type-abstract]
 
     def override(self, arguments: Mapping[str, Any]) -> "EnvironmentSpec":
         """Return the spec with some arguments replaced by a user's."""

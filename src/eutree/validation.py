@@ -92,9 +92,10 @@ def check_offered(kind: str, points: Iterable[EntryPoint]) -> Any:
 
 
 def check_listed(name: str, values: Iterable[_Value]) -> tuple[_Value, ...]:
-    """Return ``values``, or raise where a text would be taken for its letters."""
-    if isinstance(values, str):
-        raise InvalidArgumentError(f"{name} must be a list, got the text {shown(values)}")
+    """Return ``values``, or raise: a text would be taken for its letters."""
+    if isinstance(values, str) or not np.iterable(values):
+        what = "the text " * isinstance(values, str) + shown(values)
+        raise InvalidArgumentError(f"{name} must be a list, got {what}")
     return tuple(values)
 
 

@@ -198,3 +198,32 @@ def test_starts_are_of_as_many_numbers_as_states(policy):
     plant.step = lambda state, action: BoilerPlant.step(plant, state[:2], action)
     with pytest.raises(InvalidArgumentError, match="start of BoilerPlant must have a range for"):
         prove(policy, plant, ASKED)
+
+
+@pytest.mark.parametrize("ends", [(80.0, 0.0), (0.0, np.nan), (-np.inf, 80.0)])
+def test_a_grid_between_bounds_that_are_none_is_refused_as_such(policy, ends):
+    """It was said not to hold all starts."""
+    plant = BoilerPlant()
+    plant.grid = ((*ends, 20), (0.0, 40.0, 9))
+    with pytest.raises(InvalidArgumentError, match="each range of a grid must be the lowest and "):
+        prove(policy, plant, "stays in water <= 90 for ever")
+
+
+@pytest.mark.parametrize("given", [(), (0,), (-1,), ("a",), 2, (1.5,), "12", (1, True)])
+def test_refinements_are_looked_at(given):
+    with pytest.raises(InvalidArgumentError, match=r"refinements must (have|be)"):
+        Effort(refinements=given)
+
+
+@pytest.mark.parametrize("number", ["nan", "inf", "1e999", "-1e999", "--", "much"])
+def test_a_return_or_a_probability_is_a_finite_number(policy, number):
+    """The whole grammar was shown, or infinity taken."""
+    for asked in ("returns at least {}", "succeeds with probability at least {}"):
+        with pytest.raises(InvalidArgumentError, match=f"in digits, a finite .*, got '{number}'"):
+            prove(policy, BoilerPlant(), asked.format(number))
+
+
+@pytest.mark.parametrize("given", [(NAME, (("a", 1),)), (NAME, None), (None,), (7, {})])
+def test_what_makes_no_environment_is_refused_where_it_is_named(given):
+    with pytest.raises(InvalidArgumentError, match=r"(id|arguments) must be a"):
+        EnvironmentSpec(*given)

@@ -166,7 +166,7 @@ class _PropertyParser:
 
     def _condition(self) -> None:
         bounds: list[tuple[str, float]] = []
-        number = _number(self._peek())
+        number = finite(self._peek())
         if number is not None:
             self.at += 1
             bounds.append((_FLIPPED[self._comparison()], number))
@@ -287,7 +287,7 @@ class _PropertyParser:
     def _amount(self, unit: str) -> float:
         """Return the next number, and pass over its unit, which may follow."""
         token = self._next("a number")
-        value = _number(token)
+        value = finite(token)
         if value is None:
             self._fail(f"a number, got {token!r}")
         words = unit.split()
@@ -317,7 +317,8 @@ class _PropertyParser:
         raise InvalidArgumentError(f"property {self.text!r} must have {wanted}")
 
 
-def _number(token: str) -> float | None:
+def finite(token: str) -> float | None:
+    """Return the number that a word is; None where it is none, or not finite."""
     try:
         value = float(token)
     except ValueError:

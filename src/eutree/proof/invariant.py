@@ -17,7 +17,7 @@ from eutree.proof.certificate import CELLS, COLUMNS, EMPTY, KNOWN, OPEN, Picture
 from eutree.proof.intervals import Intervals
 from eutree.proof.plant import Plant, State
 from eutree.proof.reach import Acting
-from eutree.validation import check_integer
+from eutree.validation import check_integer, check_range
 
 MOST_CELLS = 20_000_000
 _AT_ONCE = 1 << 16
@@ -42,7 +42,9 @@ class StateGrid:
                 f"the plant of {plant.environment} has no grid{' of all numbers' * bool(counts)}, "
                 "which a property for ever needs; ask for a number of steps"
             )
-        found = cls(tuple(np.linspace(low, high, n * refine + 1) for low, high, n in plant.grid))
+        ends = [check_range("each range of a grid", one[:2]) for one in plant.grid]
+        parts = zip(ends, counts, strict=True)
+        found = cls(tuple(np.linspace(*between, n * refine + 1) for between, n in parts))
         if found.n_cells > MOST_CELLS:
             raise InvalidArgumentError(
                 f"a grid must have at most {MOST_CELLS:,} cells, got {found.n_cells:,}"

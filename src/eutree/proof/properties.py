@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 from eutree.errors import InvalidArgumentError
 from eutree.inspection import Region
-from eutree.inspection.properties import conditions
+from eutree.inspection.properties import conditions, finite
 from eutree.schema import Schema
 
 KINDS = ("arrives", "stays", "avoids", "succeeds", "returns")
@@ -26,13 +26,13 @@ EVER = -1  # a horizon without an end
 _MOST_STEPS = 1_000_000
 
 _HORIZON = r"(?:\s+for\s+(?:(?P<steps>\d+)\s+steps?|(?P<ever>ever)))?"
-_CHANCE = r"(?:\s+with\s+probability\s+at\s+least\s+(?P<chance>[\d.eE+-]+))"
+_CHANCE = r"(?:\s+with\s+probability\s+at\s+least\s+(?P<chance>\S+))"
 _FORMS = {
     "arrives": re.compile(r"arrives(?:\s+within\s+(?P<steps>\d+)\s+steps?)?"),
     "stays": re.compile(rf"stays\s+in\s+(?P<conditions>.+?){_HORIZON}"),
     "avoids": re.compile(rf"avoids\s+(?P<conditions>.+?){_HORIZON}"),
     "succeeds": re.compile(rf"succeeds{_CHANCE}?"),
-    "returns": re.compile(rf"returns\s+at\s+least\s+(?P<least>[\d.eE+-]+){_CHANCE}?"),
+    "returns": re.compile(rf"returns\s+at\s+least\s+(?P<least>\S+){_CHANCE}?"),
 }
 
 
@@ -97,11 +97,8 @@ def _property(
 
 
 def _number(text: str, meaning: str, word: str | None) -> float | None:
-    if word is None:
-        return None
-    try:
-        return float(word)
-    except ValueError:
+    if word is not None and (number := finite(word)) is None:
         raise InvalidArgumentError(
-            f"property {text!r} must have {meaning} in digits, got {word!r}"
-        ) from None
+            f"property {text!r} must have {meaning} in digits, a finite number, got {word!r}"
+        )
+    return None if word is None else number

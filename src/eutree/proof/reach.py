@@ -36,7 +36,7 @@ from eutree.proof.intervals import (
 )
 from eutree.proof.plant import Plant, State, from_a_start
 from eutree.trees.text import derived_features
-from eutree.validation import check_amounts, check_number
+from eutree.validation import check_amounts, check_integer, check_listed, check_number
 
 MOST_ACTIONS = 64  # bits of a set of actions
 _AT_ONCE = 1 << 14  # boxes that are moved together: their arrays stay in the cache
@@ -64,6 +64,10 @@ class Effort:
     def __post_init__(self) -> None:
         check_number("smallest", self.smallest, low=0.0, high=1.0)
         check_amounts(self, box_steps=1, pieces=1)
+        for finer in (given := check_listed("refinements", self.refinements)):
+            check_integer("each of refinements", finer, low=1)
+        if not given:
+            raise InvalidArgumentError("refinements must have at least one integer, got none")
 
 
 class Acting:
