@@ -118,30 +118,28 @@ def diff(
     digits = Digits(mine, first.tree, second.tree)
     widths = np.array(digits.widths)  # infinite where nothing is known of one
     wide = (high / 2 - low / 2 > SAME * widths / 2) | (low <= inside.low) | np.isinf(widths)
-    visited = None if seen is None else _visits(low, high, inside, seen)
-    kept = wide.all(axis=1) if visited is None else wide.all(axis=1) | (visited > 0.0)
+    visited = np.zeros(len(low)) if seen is None else _visits(low, high, inside, seen)
+    kept = wide.all(axis=1) | (visited > 0.0)
     if mine.derived:
         occurring = Occurring(mine, most=_MOST_PARTS)
         for k in np.flatnonzero(kept).tolist():
             kept[k] = occurring.within(Region(low[k], high[k])) is not None
-    low, high, actions = low[kept], high[kept], actions[kept]
-    visited = None if visited is None else visited[kept]
+    low, high, actions, visited = low[kept], high[kept], actions[kept], visited[kept]
     shares = volumes(low, high, box_low, box_high, mine)
-    order = np.lexsort([-shares] if visited is None else [-shares, -visited])
     boxes = []
-    for number in order.tolist():
+    for number in np.lexsort([-shares, -visited]).tolist():
         region = Region(low[number], high[number])
         one, two = actions[number].tolist()
         became = f"{printable(mine.actions[one])} became {printable(mine.actions[two])}"
         words = f"{became} {region.where(mine, inside, digits)}"
-        steps = None if visited is None else float(visited[number])
+        steps = None if seen is None else float(visited[number])
         boxes.append(Disagreement(region, float(shares[number]), one, two, words, steps))
     return PolicyDiff(
         share=float(shares.sum()),
         boxes=tuple(boxes),
         structure=tuple(_structure(first, second, digits)),
         n_leaves=(first.n_leaves, second.n_leaves),
-        visited=None if visited is None else sum(visited.tolist()),
+        visited=None if seen is None else sum(visited.tolist()),
     )
 
 
@@ -152,8 +150,7 @@ def _visits(low: Floats, high: Floats, inside: Region, rows: Floats) -> Floats:
     counts = [
         np.all((rows > a) & (rows <= b), axis=1).sum() for a, b in zip(low, high, strict=True)
     ]
-    shares: Floats = np.array(counts, dtype=np.float64) / max(len(rows), 1)
-    return shares
+    return np.asarray(np.array(counts, dtype=np.float64) / max(len(rows), 1))
 
 
 def _joined(low: Floats, high: Floats, actions: Integers) -> tuple[Floats, Floats, Integers]:
@@ -174,22 +171,16 @@ def _joined(low: Floats, high: Floats, actions: Integers) -> tuple[Floats, Float
                 for (a, b, pair), spans in rows.items()
                 for start, end in _runs(sorted(spans))
             ]
-    shape = (len(boxes), n_features)
-    return (
-        np.array([box[0] for box in boxes]).reshape(shape),
-        np.array([box[1] for box in boxes]).reshape(shape),
-        np.array([box[2] for box in boxes], dtype=np.int64).reshape(-1, 2),
-    )
+    low, high = (np.array([box[k] for box in boxes]).reshape(-1, n_features) for k in (0, 1))
+    return low, high, np.array([box[2] for box in boxes], dtype=np.int64).reshape(-1, 2)
 
 
 def _runs(spans: list[tuple[float, float]]) -> list[tuple[float, float]]:
     """Join spans that touch, in order."""
-    joined = [spans[0]]
-    for start, end in spans[1:]:
-        if start == joined[-1][1]:
-            joined[-1] = (joined[-1][0], end)
-        else:
-            joined.append((start, end))
+    joined: list[tuple[float, float]] = []
+    for start, end in spans:
+        touches = bool(joined) and start == joined[-1][1]
+        joined.append((joined.pop()[0] if touches else start, end))
     return joined
 
 

@@ -136,8 +136,7 @@ def verify(
     if asked.kind == "no dead leaves":
         parts = [_dead(policy, observations)]
     else:
-        found = (_part(policy, asked, region) for region in asked.regions)
-        parts = [part for part in found if part is not None]
+        parts = list(filter(None, (_part(policy, asked, region) for region in asked.regions)))
         if not parts:
             raise InvalidArgumentError(
                 "conditions must hold somewhere within the bounds of the features, got none where "
@@ -187,8 +186,7 @@ def _part(policy: TreePolicy, asked: Property, region: Region) -> _Part | None:
         has = np.isin(policy.actions[reaching], list(asked.actions))
         wrong = reaching[has if asked.kind == "never" else ~has]
         found = _examples(policy, region, wrong, (low, high), occurring.within)
-    whole = _finite(policy, domain(schema))
-    size = float(volumes(region.low, region.high, *whole, schema))
+    size = float(volumes(region.low, region.high, *_finite(policy, domain(schema)), schema))
     return _Part(found, int(reaching.size), size, is_asked)
 
 

@@ -292,9 +292,7 @@ def _shown(policy: TreePolicy, support: tuple[Support, ...]) -> str:
     if not support:
         return "no demonstration was here"
     episodes = len({entry.episode for entry in support})
-    counts = np.bincount(
-        [entry.action for entry in support], minlength=policy.schema.n_actions
-    ).tolist()
+    counts = np.bincount([entry.action for entry in support]).tolist()
     names = policy.schema.actions
     shown = [f"{count} x {printable(names[a])}" for a, count in enumerate(counts) if count]
     steps = counted(len(support), "demonstrated step")

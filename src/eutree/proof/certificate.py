@@ -43,8 +43,7 @@ class Starts(Frozen):
     def draw(self, generator: np.random.Generator) -> Floats:
         """Return a state [d] of one of the boxes, all of them equally likely."""
         box = int(generator.integers(len(self.low)))
-        state: Floats = generator.uniform(self.low[box], self.high[box])
-        return state
+        return np.asarray(generator.uniform(self.low[box], self.high[box]))
 
 
 @dataclass(frozen=True, eq=False)

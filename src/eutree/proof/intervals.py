@@ -23,6 +23,7 @@ Algorithms 37 (2004); here with one error for all that is not linear in the star
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import reduce
 from typing import Any, Union
 
 import numpy as np
@@ -113,7 +114,7 @@ class Intervals:
     def __mul__(self, other: Number) -> "Intervals":
         other = Intervals.of(other)
         found = _at_ends(np.multiply, self, other)
-        mine, theirs = self._holds_zero & other._is_infinite, other._holds_zero & self._is_infinite
+        mine, theirs = self._holds_zero & ~other.is_finite, other._holds_zero & ~self.is_finite
         return found.unless(mine | theirs)
 
     __rmul__ = __mul__
@@ -123,7 +124,7 @@ class Intervals:
         found = _at_ends(np.divide, self, other)
         crosses = other._holds_zero & (self.low <= self.high)  # not of NaN
         low, high = np.where(crosses, -np.inf, found.low), np.where(crosses, np.inf, found.high)
-        return Intervals(low, high).unless(self._is_infinite & other._is_infinite)
+        return Intervals(low, high).unless(~self.is_finite & ~other.is_finite)
 
     def __rtruediv__(self, other: Number) -> "Intervals":
         return Intervals.of(other) / self
@@ -152,8 +153,9 @@ class Intervals:
         return np.asarray((self.low <= 0) & (self.high >= 0))
 
     @property
-    def _is_infinite(self) -> Booleans:
-        return np.isinf(self.low) | np.isinf(self.high)
+    def is_finite(self) -> Booleans:
+        """Which have finite bounds, shape [N]: no program computes NaN of these alone."""
+        return np.isfinite(self.low) & np.isfinite(self.high)
 
     def unless(self, may_be_nan: Booleans) -> "Intervals":
         """Return these numbers, but that nothing is known of those that may be NaN."""
@@ -235,8 +237,7 @@ def sqrt(value: Intervals) -> Intervals:
 
 def middle(low: Floats, high: Floats) -> Floats:
     """Return a number in the middle of two, as nearly as doubles allow."""
-    found: Floats = low / 2 + high / 2
-    return found
+    return np.asarray(low / 2 + high / 2)
 
 
 def rounded(value: Intervals, precision: DTypeLike) -> Intervals:
@@ -278,8 +279,7 @@ def _holds(value: Intervals, place: float) -> Booleans:
 
 
 def _margin(value: Floats) -> Floats:
-    margin: Floats = value * LIBRARY + 5e-324
-    return margin
+    return np.asarray(value * LIBRARY + 5e-324)
 
 
 def _at_ends(operation: Callable[..., Floats], one: Intervals, other: Intervals) -> Intervals:
@@ -291,10 +291,7 @@ def _at_ends(operation: Callable[..., Floats], one: Intervals, other: Intervals)
 
 def _hull(*ends: Floats) -> Intervals:
     """Return the intervals that hold computed numbers and the exact ones they were rounded from."""
-    low, high = ends[0], ends[0]
-    for end in ends[1:]:
-        low, high = np.minimum(low, end), np.maximum(high, end)
-    return _outward(low, high)
+    return _outward(reduce(np.minimum, ends), reduce(np.maximum, ends))
 
 
 def _outward(low: Floats, high: Floats) -> Intervals:
@@ -432,8 +429,7 @@ class Affine(Intervals):
 
     @property
     def _radius(self) -> Floats:
-        radius: Floats = (self.spread + self.error) * _UP
-        return radius
+        return np.asarray((self.spread + self.error) * _UP)
 
     def chosen(self, truth: Booleans, other: Intervals) -> "Affine":
         """Return this where something is true, else the other."""

@@ -171,7 +171,6 @@ class Plant:
                 "a policy must decide by the present observation to be proven, got one that "
                 f"remembers {policy.history} observations and {policy.past_actions} actions"
             )
-        _ = self.time_limit  # which refuses one that is not Gymnasium's
         env = self.make()
         seen, measured = describe(env).measured, policy.schema.measured
         seen.check_same(measured, "policy", of=str(self.environment))
@@ -224,6 +223,7 @@ class Plant:
 
     def check_seen(self, env: gymnasium.Env[Any, Any], *, masked: bool = False) -> None:
         """Raise InvalidArgumentError where a tree sees or does what boxes do not tell."""
+        _ = self.time_limit  # which refuses one that is not Gymnasium's
         seen, info = env.reset(seed=0)
         parts = seen.values() if isinstance(seen, dict) else seen
         kinds = [np.asarray(x).dtype for x in (parts if isinstance(seen, dict | tuple) else [seen])]

@@ -17,7 +17,7 @@ import numpy as np
 
 from eutree.arrays import Booleans, Floats, Integers
 from eutree.errors import InvalidArgumentError
-from eutree.formulas import LARGEST_RATIO, ON_RANGES_OR_NAN
+from eutree.formulas import LARGEST_RATIO
 from eutree.policies import TreePolicy
 from eutree.policies.sklearn_tree import float64_thresholds
 from eutree.proof import _kernels
@@ -123,27 +123,24 @@ def _ratio(one: Intervals, other: Intervals) -> Intervals:
     return clip(Intervals.of(one) / other, -LARGEST_RATIO, LARGEST_RATIO)
 
 
-def _or_nan(kind: str, operation: Callable[..., Any]) -> Callable[..., Any]:
-    """Return an operation on intervals of which nothing is known where it may give NaN."""
+def _or_nan(operation: Callable[..., Any]) -> Callable[..., Any]:
+    """Return an operation of which nothing is known where, by the bounds, it may give NaN."""
 
     def compute(*parts: Any) -> Any:
-        found, known = operation(*parts), [Intervals.of(one) for one in parts]
-        ends = [end for one in known for end in (one.low, one.high)]
-        if not isinstance(found, Intervals) or all(np.isfinite(end).all() for end in ends):
-            return found  # what is too large is infinite
-        ranges = ((one.low, one.high, False) for one in known)
-        return found.unless(np.asarray(ON_RANGES_OR_NAN[kind](*ranges)[2]))
+        found = operation(*parts)
+        bounds = [Intervals(one.low, one.high) for one in map(Intervals.of, parts)]
+        if not isinstance(found, Affine) or all(one.is_finite.all() for one in bounds):
+            return found
+        return found.unless(np.isnan(operation(*bounds).low))
 
     return compute
 
 
 # Of formulas, on intervals.
 _OPERATIONS: Mapping[str, Callable[..., Any]] = {
-    **{kind: _or_nan(kind, operation) for kind, operation in (
-        ("+", operator.add), ("-", operator.sub), ("*", operator.mul), ("/", _ratio),
-    )},
-    "negative": operator.neg, "min": minimum, "max": maximum,
-    "abs": lambda a: maximum(a, -a), "if": where,
+    "+": _or_nan(operator.add), "-": _or_nan(operator.sub), "*": _or_nan(operator.mul),
+    "/": _or_nan(_ratio), "negative": operator.neg, "abs": lambda a: maximum(a, -a),
+    "min": minimum, "max": maximum, "if": where,
     "<": lambda a, b: Intervals.of(a) < b, "<=": lambda a, b: Intervals.of(a) <= b,
     ">": lambda a, b: Intervals.of(a) > b, ">=": lambda a, b: Intervals.of(a) >= b,
     "and": operator.and_, "or": operator.or_, "number": np.float64,
@@ -390,5 +387,4 @@ class Reach:
 
 def first_action(possible: Integers) -> Integers:
     """Return the first action of each set: so many bits are 0 below the lowest that is 1."""
-    found: Integers = np.bitwise_count(~possible & (possible - 1)).astype(np.int64)
-    return found
+    return np.asarray(np.bitwise_count(~possible & (possible - 1)).astype(np.int64))

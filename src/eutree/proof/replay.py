@@ -112,7 +112,6 @@ def check_plant(
             f"the plant of {plant.environment} has no boxes that a state could leave; compare what "
             "it proves with sampled episodes"
         )
-    _ = plant.time_limit  # which refuses one that is not Gymnasium's
     env, (least, most) = plant.make(), np.array(plant.start).T
     plant.check_seen(env)
     guard = GuardedEnv(env, max_episode_steps=steps + 1)  # one for all episodes, to warn once

@@ -127,8 +127,7 @@ def left_of_group(low: Floats, high: Floats, group: Sequence[int]) -> Booleans:
     low, high = low[..., list(group)], high[..., list(group)]
     fixed = (low >= 0.0) | (high < 0.0)  # cannot be 0
     of_others = fixed.sum(axis=-1, keepdims=True) - fixed
-    left: Booleans = (low < 1.0) & (high >= 1.0) & (of_others == 0)
-    return left
+    return np.asarray((low < 1.0) & (high >= 1.0) & (of_others == 0))
 
 
 def possible_nodes(tree: DecisionTree, schema: Schema) -> Booleans:
@@ -175,8 +174,7 @@ def volumes(low: Floats, high: Floats, box_low: Floats, box_high: Floats, schema
         left = left_of_group(low, high, group) & of_all
         sides[..., group] = 1.0
         sides[..., group[0]] = left.sum(axis=-1) / max(int(of_all.sum()), 1)
-    product: Floats = sides.prod(axis=-1)
-    return product
+    return np.asarray(sides.prod(axis=-1))
 
 
 def disagreement(
