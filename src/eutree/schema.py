@@ -486,7 +486,7 @@ class EnvironmentSpec:
 
     def __post_init__(self) -> None:
         check_kind("id", self.id, str)
-        check_kind("arguments", self.arguments, Mapping)  # type: ignore[type-abstract]
+        check_kind("arguments", self.arguments, Mapping)  # type: ignore[type-abstract]  # of any kind
 
     def override(self, arguments: Mapping[str, Any]) -> "EnvironmentSpec":
         """Return the spec with some arguments replaced by a user's."""

@@ -114,17 +114,17 @@ class Intervals:
     def __mul__(self, other: Number) -> "Intervals":
         other = Intervals.of(other)
         found = _at_ends(np.multiply, self, other)
-        mine, theirs = self._holds_zero & ~other.is_finite, other._holds_zero & ~self.is_finite
-        return found.unless(mine | theirs)
+        mine, theirs = _hold_zero(self) & ~are_finite(other), _hold_zero(other) & ~are_finite(self)
+        return unless(mine | theirs, found)
 
     __rmul__ = __mul__
 
     def __truediv__(self, other: Number) -> "Intervals":
         other = Intervals.of(other)
         found = _at_ends(np.divide, self, other)
-        crosses = other._holds_zero & (self.low <= self.high)  # not of NaN
+        crosses = _hold_zero(other) & (self.low <= self.high)  # not of NaN
         low, high = np.where(crosses, -np.inf, found.low), np.where(crosses, np.inf, found.high)
-        return Intervals(low, high).unless(~self.is_finite & ~other.is_finite)
+        return unless(~are_finite(self) & ~are_finite(other), Intervals(low, high))
 
     def __rtruediv__(self, other: Number) -> "Intervals":
         return Intervals.of(other) / self
@@ -132,8 +132,7 @@ class Intervals:
     def square(self) -> "Intervals":
         """Return the squares, none of which is below 0."""
         found = _hull(self.low * self.low, self.high * self.high)
-        low = np.where(self._holds_zero, 0.0, np.maximum(found.low, 0.0))
-        return Intervals(low, found.high)
+        return Intervals(np.where(_hold_zero(self), 0.0, np.maximum(found.low, 0.0)), found.high)
 
     def cos(self) -> "Intervals":
         """Return cosines of angles in radians."""
@@ -147,20 +146,6 @@ class Intervals:
         """Return square roots; numbers below 0 count as 0."""
         low, high = (np.sqrt(np.maximum(end, 0.0)) for end in (self.low, self.high))
         return Intervals(np.maximum(low - _margin(low), 0.0), high + _margin(high))
-
-    @property
-    def _holds_zero(self) -> Booleans:
-        return np.asarray((self.low <= 0) & (self.high >= 0))
-
-    @property
-    def is_finite(self) -> Booleans:
-        """Which have finite bounds, shape [N]: no program computes NaN of these alone."""
-        return np.isfinite(self.low) & np.isfinite(self.high)
-
-    def unless(self, may_be_nan: Booleans) -> "Intervals":
-        """Return these numbers, but that nothing is known of those that may be NaN."""
-        nothing, known = Intervals.of(np.nan), Truth(~may_be_nan, ~may_be_nan)
-        return self.either(known, nothing, nothing) if may_be_nan.any() else self
 
     def settled(self, truth: Truth) -> Truth:
         """Return a statement about a jump as it is: of a box, both sides are followed."""
@@ -280,6 +265,21 @@ def _holds(value: Intervals, place: float) -> Booleans:
 
 def _margin(value: Floats) -> Floats:
     return np.asarray(value * LIBRARY + 5e-324)
+
+
+def _hold_zero(value: Intervals) -> Booleans:
+    return np.asarray((value.low <= 0) & (value.high >= 0))
+
+
+def are_finite(value: Intervals) -> Booleans:
+    """Return which bounds are finite, shape [N]: no program computes NaN of such numbers."""
+    return np.isfinite(value.low) & np.isfinite(value.high)
+
+
+def unless(may_be_nan: Booleans, value: Intervals) -> Intervals:
+    """Return numbers, but that nothing is known of those that may be NaN."""
+    nothing, known = Intervals.of(np.nan), Truth(~may_be_nan, ~may_be_nan)
+    return value.either(known, nothing, nothing) if may_be_nan.any() else value
 
 
 def _at_ends(operation: Callable[..., Floats], one: Intervals, other: Intervals) -> Intervals:

@@ -27,11 +27,13 @@ from eutree.proof.intervals import (
     Doubt,
     Intervals,
     Truth,
+    are_finite,
     clip,
     maximum,
     middle,
     minimum,
     rounded,
+    unless,
     where,
 )
 from eutree.proof.plant import Plant, State, from_a_start
@@ -129,9 +131,9 @@ def _or_nan(operation: Callable[..., Any]) -> Callable[..., Any]:
     def compute(*parts: Any) -> Any:
         found = operation(*parts)
         bounds = [Intervals(one.low, one.high) for one in map(Intervals.of, parts)]
-        if not isinstance(found, Affine) or all(one.is_finite.all() for one in bounds):
+        if not isinstance(found, Affine) or all(are_finite(one).all() for one in bounds):
             return found
-        return found.unless(np.isnan(operation(*bounds).low))
+        return unless(np.isnan(operation(*bounds).low), found)
 
     return compute
 
