@@ -166,12 +166,21 @@ def _on_ranges(kind: str, operation: Callable[..., Any]) -> Callable[..., Any]:
     return compute
 
 
+def _without_nan(compute: Callable[..., Any]) -> Callable[..., Any]:
+    return lambda *parts: compute(*((*part, False) for part in parts))[:2]
+
+
 # For ``compute``, with ranges [...] in place of numbers: the doubles that it gives for any numbers
 # within, and whether it may give NaN. They are exact where a formula names each feature once, else
 # they may be wider.
 ON_RANGES_OR_NAN: Mapping[str, Callable[..., Any]] = {
     **{kind: _on_ranges(kind, operation) for kind, operation in _OPERATIONS.items()},
     "number": lambda value: (np.float64(value), np.float64(value), False),
+}
+# The same without a word of NaN: a range that is not known is that of all numbers.
+ON_RANGES: Mapping[str, Callable[..., Any]] = {
+    **{kind: _without_nan(compute) for kind, compute in ON_RANGES_OR_NAN.items()},
+    "number": lambda value: (np.float64(value),) * 2,
 }
 
 

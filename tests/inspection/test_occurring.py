@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from eutree.features import Derivation
-from eutree.formulas import ON_RANGES_OR_NAN, parse
+from eutree.formulas import ON_RANGES, parse
 from eutree.inspection import occurring, verify
 from eutree.policies import TreePolicy
 from eutree.schema import Feature, Schema
@@ -21,14 +21,6 @@ WHOLE = Schema(
     tuple(Feature(name, low=-1.0, high=2.0, is_integer=True) for name in NAMES), ("go", "stop")
 )
 VALUES = np.arange(-1.0, 3.0)
-# Of ranges that are not said to be NaN, without a word of it.
-ON_RANGES = {
-    **{
-        kind: lambda *parts, compute=compute: compute(*((*part, False) for part in parts))[:2]
-        for kind, compute in ON_RANGES_OR_NAN.items()
-    },
-    "number": lambda value: (np.float64(value),) * 2,
-}
 PARTS = (*NAMES, "2", "0.5")
 
 
