@@ -192,10 +192,15 @@ def described(error: BaseException) -> str:
     return f"{kind}: {text}" if text else kind
 
 
+def _package(frame: FrameType) -> str:
+    return str(frame.f_globals.get("__name__")).partition(".")[0]
+
+
 def warn(message: str) -> None:
-    """Warn, at the line outside this distribution that led here."""
+    """Warn, at the line outside of eutree and of the package that calls this that led here."""
     frame, level = sys._getframe(1), 2  # as warnings.warn counts, from here
-    while frame.f_back is not None and frame.f_globals.get("__name__", "").startswith("eutree"):
+    passed = {"eutree", "contextlib", _package(frame)}
+    while frame.f_back is not None and _package(frame) in passed:
         frame, level = frame.f_back, level + 1
     warnings.warn(message, stacklevel=level)
 

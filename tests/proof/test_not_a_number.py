@@ -8,7 +8,7 @@ import pytest
 from gymnasium.envs.registration import EnvSpec
 
 from eutree.proof import Effort, Intervals, Plant, clip, prove
-from eutree.proof.intervals import Affine, Doubt
+from eutree.proof.intervals import Affine, Doubt, cos, quotient, where
 from eutree.proof.reach import Acting
 from eutree.schema import EnvironmentSpec
 from tests.proof.policies import policy_of
@@ -97,9 +97,38 @@ def test_operations_on_bounds_without_end_know_nothing_of_what_may_be_no_number(
     for one in (
         endless + endless, above - above, around * above, above * around, above / endless,
         nothing / around, around / nothing, nothing.cos(), nothing.sin(), nothing.square(),
+        around / around, endless.cos(), above.sin(), -above / endless,
     ):  # fmt: skip
         cut = clip(one, -1.0, 1.0)
         assert np.isnan([cut.low, cut.high]).all()
-    for one in (above + above, above * above, around / around, around + endless):
+    for one in (above + above, above * above, above / around, quotient(around, around)):
         cut = clip(one, -1.0, 1.0)
         assert not np.isnan([cut.low, cut.high]).any()
+
+
+@pytest.mark.parametrize("strange", [lambda x: cos(x * 1e308 * 1e10), lambda x: clip(x / x, -1, 1)])
+def test_a_step_that_may_compute_no_number_proves_nothing(strange):
+    """NaN is not at most 2, so its step leads to 9."""
+
+    class Strange(PairPlant):
+        grid = (*PairPlant.grid[:1], (-10.0, 10.0, 41))
+
+        def step(self, state: Any, action: Any) -> Any:
+            return [state[0], where(strange(state[0]) <= 2.0, 0.0, 9.0)]
+
+    policy = policy_of((0, 0.5, 0, 1), NAME)
+    effort = Effort(box_steps=2_000, refinements=iter((1,)))
+    for horizon in ("for ever", "for 30 steps"):
+        assert not prove(policy, Strange(), f"avoids y > 5 {horizon}", effort=effort).proven
+
+
+def test_a_number_of_the_state_may_be_set_anew():
+    class Anew(PairPlant):
+        start = ((-1.0, 1.0), (0.0, 0.1))
+
+        def step(self, state: Any, action: Any) -> Any:
+            return [where(state[0] <= 0.0, 0.0, 0.5), where(state[1] > 9.0, 0.5, 0.25)]
+
+    policy = policy_of((0, 0.7, 0, 1), NAME)
+    assert prove(policy, Anew(), "avoids x > 1.01 for 30 steps").proven
+    assert not prove(policy, Anew(), "avoids y > 0.2 for 30 steps").proven

@@ -96,7 +96,10 @@ class Intervals:
         return cls(np.asarray(low, dtype=np.float64), np.asarray(high, dtype=np.float64))
 
     def __add__(self, other: Number) -> "Intervals":
-        return _at_ends(np.add, self, Intervals.of(other))
+        other = Intervals.of(other)
+        with np.errstate(all="ignore"):
+            found = _outward(self.low + other.low, self.high + other.high)
+        return found if are_finite(found).all() else _at_ends(np.add, self, other)
 
     __radd__ = __add__
 
@@ -114,6 +117,8 @@ class Intervals:
     def __mul__(self, other: Number) -> "Intervals":
         other = Intervals.of(other)
         found = _at_ends(np.multiply, self, other)
+        if are_finite(found).all():  # then both are finite, or 0
+            return found
         mine, theirs = _hold_zero(self) & ~are_finite(other), _hold_zero(other) & ~are_finite(self)
         return unless(mine | theirs, found)
 
@@ -121,10 +126,7 @@ class Intervals:
 
     def __truediv__(self, other: Number) -> "Intervals":
         other = Intervals.of(other)
-        found = _at_ends(np.divide, self, other)
-        crosses = _hold_zero(other) & (self.low <= self.high)  # not of NaN
-        low, high = np.where(crosses, -np.inf, found.low), np.where(crosses, np.inf, found.high)
-        return unless(~are_finite(self) & ~are_finite(other), Intervals(low, high))
+        return unless(_hold_zero(self) & _hold_zero(other), quotient(self, other))
 
     def __rtruediv__(self, other: Number) -> "Intervals":
         return Intervals.of(other) / self
@@ -205,6 +207,14 @@ def clip(value: Number, low: Number, high: Number) -> Intervals:
     return minimum(maximum(value, low), high)
 
 
+def quotient(one: Intervals, other: Intervals) -> Intervals:
+    """Return quotients, among them any number for nought by nought."""
+    found = _at_ends(np.divide, one, other)
+    crosses = _hold_zero(other) & (one.low <= one.high)  # not of NaN
+    low, high = np.where(crosses, -np.inf, found.low), np.where(crosses, np.inf, found.high)
+    return unless(~are_finite(one) & ~are_finite(other), Intervals(low, high))
+
+
 def cos(value: Intervals) -> Intervals:
     """Return cosines of angles in radians."""
     return value.cos()
@@ -247,6 +257,7 @@ def _either(truth: Truth, one: Intervals, other: Intervals, both: Intervals) -> 
 
 def _wave(function: Callable[[Floats], Floats], value: Intervals, peak: float) -> Intervals:
     """Return sine or cosine, which is 1 at ``peak`` and -1 half a turn from there."""
+    value = unless(~are_finite(value), value)
     ends = function(value.low), function(value.high)
     low = np.minimum(*ends) - LIBRARY
     high = np.maximum(*ends) + LIBRARY
@@ -272,7 +283,7 @@ def _hold_zero(value: Intervals) -> Booleans:
 
 
 def are_finite(value: Intervals) -> Booleans:
-    """Return which bounds are finite, shape [N]: no program computes NaN of such numbers."""
+    """Return which bounds are finite, shape [N]."""
     return np.isfinite(value.low) & np.isfinite(value.high)
 
 
@@ -339,7 +350,7 @@ class Affine(Intervals):
     spread: Floats  # [N] sum of the slopes' sizes
     doubt: Doubt
 
-    def _like(self, other: Number) -> "Affine":
+    def like(self, other: Number) -> "Affine":
         """Return another number, or its bounds, as a function of the same starts."""
         if isinstance(other, Affine):
             return other
@@ -356,7 +367,7 @@ class Affine(Intervals):
         return Affine(center, np.zeros_like(self.slope), radius, self.doubt)
 
     def __add__(self, other: Number) -> "Affine":
-        other = self._like(other)
+        other = self.like(other)
         center = self.center + other.center
         return _rounded(center, self.slope + other.slope, self.error + other.error, self.doubt)
 
@@ -367,7 +378,7 @@ class Affine(Intervals):
 
     def __mul__(self, other: Number) -> "Affine":
         number = not isinstance(other, Intervals)
-        other = self._like(other)
+        other = self.like(other)
         mine, theirs = np.abs(self.center), np.abs(other.center)
         slope = self.slope * other.center
         error = theirs * self.error
@@ -381,10 +392,10 @@ class Affine(Intervals):
     __rmul__ = __mul__
 
     def __truediv__(self, other: Number) -> "Affine":
-        return self * self._like(other)._inverse()
+        return self * self.like(other)._inverse()
 
     def __rtruediv__(self, other: Number) -> "Affine":
-        return self._like(other) * self._inverse()
+        return self.like(other) * self._inverse()
 
     def square(self) -> "Affine":
         """Return the squares; the square of the deviation from the center is at least 0."""
@@ -433,7 +444,7 @@ class Affine(Intervals):
 
     def chosen(self, truth: Booleans, other: Intervals) -> "Affine":
         """Return this where something is true, else the other."""
-        other = self._like(other)
+        other = self.like(other)
         return Affine(
             np.where(truth, self.center, other.center),
             np.where(truth, self.slope, other.slope),

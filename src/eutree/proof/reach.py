@@ -32,6 +32,7 @@ from eutree.proof.intervals import (
     maximum,
     middle,
     minimum,
+    quotient,
     rounded,
     unless,
     where,
@@ -66,9 +67,10 @@ class Effort:
     def __post_init__(self) -> None:
         check_number("smallest", self.smallest, low=0.0, high=1.0)
         check_amounts(self, box_steps=1, pieces=1)
-        for finer in (given := check_listed("refinements", self.refinements)):
+        object.__setattr__(self, "refinements", check_listed("refinements", self.refinements))
+        for finer in self.refinements:
             check_integer("each of refinements", finer, low=1)
-        if not given:
+        if not self.refinements:
             raise InvalidArgumentError("refinements must have at least one integer, got none")
 
 
@@ -122,7 +124,11 @@ class Acting:
 
 
 def _ratio(one: Intervals, other: Intervals) -> Intervals:
-    return clip(Intervals.of(one) / other, -LARGEST_RATIO, LARGEST_RATIO)
+    """Return quotients as formulas have them, whose value of nought by nought is known."""
+    one, other = Intervals.of(one), Intervals.of(other)
+    is_plain = type(one) is type(other) is Intervals
+    found = quotient(one, other) if is_plain else one / other
+    return clip(found, -LARGEST_RATIO, LARGEST_RATIO)
 
 
 def _or_nan(operation: Callable[..., Any]) -> Callable[..., Any]:
@@ -187,6 +193,8 @@ class _Boxes:
 
     def at(self, state: State) -> "_Boxes":
         """Return the boxes one step later, in a state."""
+        if not all(isinstance(one, Affine) for one in state):
+            state = [*map(self.state()[0].like, state)]
         center, slope, error = (
             np.stack([getattr(one, name) for one in state]) for name in ("center", "slope", "error")
         )
