@@ -147,3 +147,38 @@ def test_a_second_tap_on_change_leaves_the_key_as_it_was(chromium, tmp_path) -> 
         person.page.wait_for_function(
             "() => document.querySelector('#keys').innerText.includes('K')"
         )
+
+
+@pytest.mark.parametrize("key", ["Enter", "Space"])
+def test_enter_and_space_on_cancel_leave_the_key_as_it_was(chromium, tmp_path, key) -> None:
+    """They were bound, the opposite of what the button says that has the focus."""
+    with serving(tmp_path) as served:
+        person = Person(chromium, served).until(state="opening")
+        row = person.page.locator("#keys tr[data-action='0']")
+        keys = row.inner_text()
+        row.get_by_role("button").press(key)
+        assert "press a key" in row.inner_text()
+        assert person.page.evaluate("() => document.activeElement.textContent") == "Cancel"
+        person.tap(key)
+        person.page.wait_for_function(
+            "() => !document.querySelector('#keys').innerText.includes('press a key')"
+        )
+        assert row.inner_text() == keys
+        assert person.page.evaluate("() => document.activeElement.textContent") == "Change"
+        row.get_by_role("button", name="Change").press(key)
+        person.tap("Tab")  # on to where the key is free
+        assert "press a key" in row.inner_text()
+        person.page.locator("#picture").focus()
+        person.tap(key)
+        row.locator("kbd", has_text=key).wait_for()
+
+
+@pytest.mark.parametrize("key", ["Enter", "Space"])
+def test_after_a_pointer_on_change_enter_and_space_are_keys(chromium, tmp_path, key) -> None:
+    with serving(tmp_path) as served:
+        person = Person(chromium, served).until(state="opening")
+        row = person.page.locator("#keys tr[data-action='0']")
+        row.get_by_role("button", name="Change").click()
+        person.tap(key)
+        row.locator("kbd", has_text=key).wait_for()
+        assert person.data("state") == "opening"

@@ -225,8 +225,11 @@ addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.metaKey || event.altKey) return;
   if (binding !== null) {
     if (["Shift", "AltGraph", "CapsLock"].includes(event.key)) return;
-    const key = NAMES[event.key] || event.key.toLowerCase();
+    const key = NAMES[event.key] || event.key.toLowerCase(), onButton = event.target.closest("button");
+    // A button that has the focus keeps them: Enter on "Cancel" cancels.
+    if (onButton && ["enter", "space", "tab"].includes(key) && !event.repeat) return;
     event.preventDefault();
+    if (event.repeat) return; // of the key that pressed "Change"
     if (key !== "escape") act("bind", binding, key);
     binding = null;
     $("picture").focus();
@@ -432,10 +435,11 @@ function showKeys() {
       change.type = "button";
       change.textContent = awaits ? "Cancel" : "Change";
       change.setAttribute("aria-label", awaits ? `Cancel: keep the key of ${action.name}` : `Change the key of ${action.name}`);
-      change.addEventListener("click", () => {
+      change.addEventListener("click", (event) => {
         binding = awaits ? null : index;
         show();
-        $("keys").children[index].querySelector("button").focus(); // the one in its place
+        const after = $("keys").children[index].querySelector("button"); // the one in its place
+        (event.detail && !awaits ? $("picture") : after).focus({ preventScroll: true }); // after a pointer each key is free
       });
       keys.append(change);
     }
