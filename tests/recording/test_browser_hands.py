@@ -88,6 +88,19 @@ def test_a_button_that_has_the_focus_is_held_by_enter_or_space(chromium, tmp_pat
         person.up("Space").until(action=1)
 
 
+@pytest.mark.parametrize("key", ["Enter", "Space"])
+def test_a_button_that_has_the_focus_lets_a_paused_episode_go_on(chromium, tmp_path, key) -> None:
+    """It kept Enter and Space to itself while nothing played."""
+    with playing(chromium, tmp_path, "left=0,right=2,none=1") as (person, served):
+        tab_to(person, ".pad[data-action=left]")
+        person.tap("p").until(state="paused")
+        assert person.page.evaluate("() => document.activeElement.id") == "pad-left"
+        person.tap(key).until(state="playing")
+        assert ("left", True) not in served.heard
+        person.down(key).until(action=0)
+        person.up(key).until(action=1)
+
+
 @pytest.mark.parametrize("mode", ["hold", "toggle", "turn"])
 def test_a_click_without_a_pointer_is_one_press(chromium, tmp_path, mode) -> None:
     with playing(chromium, tmp_path, "left=0,right=2,none=1") as (person, served):

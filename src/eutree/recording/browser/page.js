@@ -237,14 +237,14 @@ addEventListener("keydown", (event) => {
     return;
   }
   const pad = padOf(event), place = event.code || event.key;
-  if (pad && acts()) {
+  if (pad && acts() && runs() && !waits()) {
     event.preventDefault();
     if (!event.repeat) hold(pad, place);
     return;
   }
   const key = nameOf(event);
   if (!acts() || !used(key)) return;
-  const native = event.target.closest("button, select, summary");
+  const native = event.target.closest("button:not(.pad), select, summary");
   if (native && (key === "enter" || key === "space" || native.tagName === "SELECT")
       && !(runs() && !waits() && actionKeys().includes(key))) return;
   event.preventDefault();
