@@ -127,12 +127,18 @@ def kept(parts):
 def test_each_answer_is_on_the_disk_as_soon_as_it_is_given(tmp_path) -> None:
     study = study_of(tmp_path / "study", BRIEF)
     with taking_part(study) as parts:
-        person = asked(parts).say("answer", 0, "4").say("answer", 1, "well, no")
+        person = asked(parts)
+        person.person.wait(1.0)
+        person.say("answer", 0, "4")
+        assert kept(parts).answers == ["4", ""]
+        person.say("answer", 1, "well").say("answer", 1, "well, no")
+        person.person.wait(1.0)
         assert kept(parts).answers == ["4", "well, no"]
         person.say("answer", 0, "")
-        assert kept(parts).answers == ["", "well, no"]
+        person.say("answer", 1, "well")  # within the second, and then it stops
+    assert kept(parts).answers == ["", "well"]
     with taking_part(study, person=code_of(parts)) as parts:
-        assert parts[2].view()["answers"] == ["", "well, no"]
+        assert parts[2].view()["answers"] == ["", "well"]
 
 
 def test_what_could_not_be_stored_is_stored_next_time(tmp_path, monkeypatch) -> None:
@@ -147,6 +153,25 @@ def test_what_could_not_be_stored_is_stored_next_time(tmp_path, monkeypatch) -> 
                 parts[2].hear("agree")
         person.person.wait(0.1)
         assert kept(parts).part == "showing"
+
+
+def test_a_disk_that_is_full_while_somebody_answers_ends_nothing(tmp_path, monkeypatch) -> None:
+    failed, write = [], lead.write_document
+
+    def full_once(path, document):
+        if not failed:
+            failed.append(path)
+            raise FileError("write", path, "no space left on device")
+        write(path, document)
+
+    with taking_part(study_of(tmp_path / "study", BRIEF)) as parts:
+        person = asked(parts)
+        person.person.wait(1.0)
+        monkeypatch.setattr(lead, "write_document", full_once)
+        person.say("answer", 0, "4")
+        assert (len(failed), kept(parts).answers) == (1, ["", ""])
+        person.person.wait(1.0)
+        assert kept(parts).answers == ["4", ""]
 
 
 def test_the_time_of_a_part_is_that_of_all_recorders(tmp_path) -> None:

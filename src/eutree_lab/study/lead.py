@@ -128,7 +128,8 @@ class Study:
         self._asks = self._leaves = self._is_packed = False
         self._now: float | None = None
         self._due: float | None = None
-        self._stored: list[object] = []
+        self._next_store, self._stored = 0.0, list[object]()
+        self._versions = archive.versions()
         self._go_back()
 
     # ---- buttons and answers of the person
@@ -163,8 +164,10 @@ class Study:
         self._now = now
         if self.part == parts.DELETED:
             return []
-        if self.part not in (parts.CONSENT, parts.THANKS) and self._stored != self._news():
-            self._store()
+        is_new = self.part not in (parts.CONSENT, parts.THANKS) and self._stored != self._news()
+        if is_new and now >= self._next_store:  # not at each letter
+            self._next_store = now + 1.0
+            self._store_if_possible()
         session, is_on = self._session, self._begun and not self._asks
         if is_on and self._is_over(now):
             self._go_on()
@@ -255,7 +258,7 @@ class Study:
             protocol=self._protocol,
             environment=environment_to_document(self._recorder.folder.environment),
             plan=self._plan,
-            versions=archive.versions(),
+            versions=self._versions,
             seconds={part: round(seconds, 2) for part, seconds in self._seconds.items()},
             results=list(self._maker.results),
             answers=list(self.answers),
@@ -263,6 +266,11 @@ class Study:
         )
         write_document(self._folder / archive.PERSON_FILE, document)
         self._stored = self._news()
+
+    def _store_if_possible(self) -> None:
+        """Store the record so far; what cannot be stored now is stored the next time."""
+        with suppress(FileError):
+            self._store()
 
     def _go_back(self) -> None:
         """Go on where a recorder that died has left the person."""
@@ -320,8 +328,7 @@ class Study:
         if not agreed or self.part == parts.DELETED or self.is_finished:
             shutil.rmtree(self._folder, ignore_errors=True)
         elif self.part != parts.CONSENT:  # how long the part took until now
-            with suppress(FileError):
-                self._store()
+            self._store_if_possible()
 
     # ---- fields of the page
 
