@@ -3,16 +3,19 @@
 import csv
 import io
 import json
+import lzma
 import shutil
 import sys
+import zipfile
+import zlib
 
 import gymnasium
 import pytest
 
 import eutree
 from eutree.cli.main import run
-from eutree.errors import InvalidArgumentError
-from eutree_lab.study.archive import pack
+from eutree.errors import FormatError, InvalidArgumentError
+from eutree_lab.study.archive import pack, unpack
 from eutree_lab.study.table import StudyTable, study_table
 
 TASK = "eutree/Evasion2-v0"
@@ -74,6 +77,43 @@ def test_a_file_of_no_person_is_named_and_left_out_of_the_table(tmp_path) -> Non
         table = study_table(study, episodes=1)
     assert [row["person"] for row in table.rows] == ["0000000a"]
     assert len(warned) == 1
+
+
+def test_a_damaged_archive_of_a_person_is_named_and_makes_no_table(tmp_path, capsys) -> None:
+    """The means were of the others alone."""
+    study = tmp_path / "study"
+    study.mkdir()
+    for code in ("0000000a", "0000000b"):
+        person_of(study, code, answer="2", tmp_path=tmp_path)
+    path = study / "0000000b.zip"
+    plain = path.read_bytes()
+    with zipfile.ZipFile(io.BytesIO(plain)) as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+    kinds = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA)
+    for kind in kinds:
+        with zipfile.ZipFile(path, "w", kind) as archive:
+            for name, data in members.items():
+                archive.writestr(name, data)
+        data = bytearray(path.read_bytes())
+        data[60:300] = bytes(byte ^ 0x5A for byte in data[60:300])
+        path.write_bytes(data)
+        assert run(["study", "table", str(study), "--episodes", "1"]) == 2
+        assert "0000000b.zip: is no archive of a person" in capsys.readouterr().err
+    path.rename(study / "b.zip")
+    with pytest.warns(UserWarning, match=r"b\.zip is left out"):
+        assert len(study_table(study, episodes=1).rows) == 1
+
+
+@pytest.mark.parametrize("error", [zlib.error, ValueError, OSError, lzma.LZMAError])
+def test_whatever_a_damaged_archive_raises_it_is_named(tmp_path, monkeypatch, error) -> None:
+    def damaged(self, entry):
+        raise error("damaged")
+
+    with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
+        archive.writestr("person.json", "{}")
+    monkeypatch.setattr(zipfile.ZipFile, "read", damaged)
+    with pytest.raises(FormatError, match=r"a\.zip: is no archive of a person: damaged"):
+        unpack(tmp_path / "a.zip", tmp_path / "out")
 
 
 def test_who_lies_there_twice_is_not_counted_twice(tmp_path) -> None:

@@ -1,11 +1,13 @@
 """What a person of a study did stays, whatever becomes of the recorder or of the disk."""
 
+import os
+import shutil
 import warnings
 
 import pytest
 
-from eutree.errors import FileError, FormatError, RunFolderError
-from eutree.files import read_document
+from eutree.errors import FileError, FormatError, InvalidArgumentError, RunFolderError
+from eutree.files import atomic, read_document
 from eutree.fitting import page_tree
 from eutree_lab.study import archive, lead
 from eutree_lab.study.archive import PersonDocument, unpack
@@ -67,7 +69,8 @@ def test_a_person_is_led_by_one_recorder_at_a_time(tmp_path) -> None:
     study = study_of(tmp_path / "study", BRIEF)
     with taking_part(study) as parts:
         code = code_of(parts)
-        with pytest.raises(RunFolderError, match=f"{code} is in use by process"):
+        said = rf"{code} is in use by process \d+: another recorder leads this person"
+        with pytest.raises(RunFolderError, match=said):
             taking_part(study, person=code).__enter__()
         person = Participant(*parts).say("agree").say("begin").play()
         with pytest.raises(RunFolderError, match="is in use"):
@@ -76,6 +79,51 @@ def test_a_person_is_led_by_one_recorder_at_a_time(tmp_path) -> None:
         person.until("questions")
     with taking_part(study, person=code) as parts:
         assert parts[2].part == "questions"
+
+
+@pytest.mark.parametrize("end", ["decline", "delete", "keys"])
+def test_no_lock_stays_where_open_files_cannot_be_deleted(tmp_path, monkeypatch, end) -> None:
+    study, rmtree, close = study_of(tmp_path / "study", BRIEF), shutil.rmtree, os.close
+    held, locked = [], lead.locked
+
+    def without_open_files(folder, **options):
+        rmtree(folder, **options)
+        if held:
+            folder.mkdir()
+            (folder / ".lock").touch()
+
+    def closed(descriptor):
+        if descriptor in held:
+            held.remove(descriptor)
+        close(descriptor)
+
+    monkeypatch.setattr(lead.shutil, "rmtree", without_open_files)
+    monkeypatch.setattr(lead.os, "close", closed)
+    monkeypatch.setattr(lead, "locked", lambda *args: held.append(found := locked(*args)) or found)
+    if end == "keys":
+        with pytest.raises(InvalidArgumentError):
+            taking_part(study, keys="nonsense=99").__enter__()
+    else:
+        with taking_part(study) as parts:
+            person = Participant(*parts)
+            if end == "delete":
+                person.say("agree").say("withdraw")
+            person.say(end)
+            assert [path.name for path in (study / code_of(parts)).iterdir()] == [".lock"]
+    assert not held
+    assert {path.name for path in study.iterdir()} == {"consent.md", "study.toml"}
+
+
+@pytest.mark.parametrize("again", [False, True])
+def test_a_lock_of_a_file_that_was_deleted_is_none(tmp_path, monkeypatch, again) -> None:
+    def deleted(descriptor):
+        (tmp_path / ".lock").unlink()
+        if again:
+            (tmp_path / ".lock").write_text("")
+
+    monkeypatch.setattr(atomic, "lock", deleted)
+    with pytest.raises(RunFolderError, match="is in use by process"):
+        atomic.locked(tmp_path)
 
 
 def test_who_believes_that_nobody_agreed_deletes_nothing_of_whoever_did(tmp_path) -> None:

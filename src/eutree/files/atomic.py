@@ -246,18 +246,18 @@ def lock(descriptor: int) -> None:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
-def locked(folder: Path) -> int:
+def locked(folder: Path, advice: str = "wait for it, or choose another folder") -> int:
     """Return a descriptor that holds the folder's lock, with our pid in it for others to read."""
     with reported("write", folder / ".lock"):
         descriptor = os.open(folder / ".lock", os.O_RDWR | os.O_CREAT, 0o644)
         try:
             lock(descriptor)
-        except BlockingIOError:
+            if not os.path.samestat(os.fstat(descriptor), os.stat(folder / ".lock")):
+                raise BlockingIOError  # of a folder that was deleted meanwhile
+        except (BlockingIOError, FileNotFoundError):
             holder = os.read(descriptor, 32).decode(errors="replace").strip() or "unknown"
             os.close(descriptor)
-            raise RunFolderError(
-                f"{folder} is in use by process {holder}; wait for it, or choose another folder"
-            ) from None
+            raise RunFolderError(f"{folder} is in use by process {holder}: {advice}") from None
         os.ftruncate(descriptor, 0)
         os.write(descriptor, f"{os.getpid()}\n".encode())
     return descriptor

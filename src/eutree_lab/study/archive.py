@@ -20,7 +20,7 @@ from typing import Any, ClassVar
 
 import msgspec
 
-from eutree.errors import FileError, FormatError, warn
+from eutree.errors import EutreeError, FileError, FormatError, warn
 from eutree.files import Document, read_bytes, read_document, write_bytes
 from eutree.files.schema_document import EnvironmentDocument
 from eutree_lab.study.plan import CONSENT_TEXT, PLAN, StudyPlan
@@ -132,7 +132,9 @@ def unpack(path: Path, folder: Path) -> PersonDocument:
                 target = folder / entry.filename
                 target.parent.mkdir(parents=True, exist_ok=True)
                 write_bytes(target, archive.read(entry))
-    except (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError) as error:
+    except EutreeError:
+        raise
+    except Exception as error:  # of zipfile, zlib and others, where it is damaged
         raise FormatError(path, "", f"is no archive of a person: {error}") from None
     if not (folder / PERSON_FILE).exists():
         raise FormatError(path, PERSON_FILE, "missing")

@@ -76,13 +76,24 @@ def conduct(
         raise InvalidArgumentError(f"{study} has no person {shown(person)} to go on with")
     folder = make_folder(study / (person or secrets.token_hex(4)))
     settings = replace(pace, target=plan.episodes, seed=plan.seed, viewer="browser", makes=True)
-    with ExitStack() as at_the_end:
-        at_the_end.callback(os.close, locked(folder))
+    with _held(folder), ExitStack() as at_the_end:
         recorder = Recorder(env, folder / archive.DEMOS, keys=keys, settings=settings)
         maker = StudyTree(folder, spec, plan)
         guide = Study(recorder, maker, plan, protocol, files)
         at_the_end.callback(guide.clear)
         yield recorder, maker, guide
+
+
+@contextmanager
+def _held(folder: Path) -> Iterator[None]:
+    """Hold the lock of a person's folder; it goes with the lock where nothing else is in it."""
+    descriptor = locked(folder, "another recorder leads this person")
+    try:
+        yield
+    finally:
+        os.close(descriptor)  # some systems delete no file that is open
+        if not any(path.is_file() and path.name != ".lock" for path in folder.rglob("*")):
+            shutil.rmtree(folder, ignore_errors=True)
 
 
 def _check_same(study: Path, protocol: str) -> None:
@@ -167,7 +178,8 @@ class Study:
         is_new = self.part not in (parts.CONSENT, parts.THANKS) and self._stored != self._news()
         if is_new and now >= self._next_store:  # not at each letter
             self._next_store = now + 1.0
-            self._store_if_possible()
+            with suppress(FileError):
+                self._store()
         session, is_on = self._session, self._begun and not self._asks
         if is_on and self._is_over(now):
             self._go_on()
@@ -211,11 +223,8 @@ class Study:
             if driving.is_on == enough and (not enough or self._was_read(now, driving.waits)):
                 session.allowed = (*parts.ACTING, "correct", "finish")
                 return [Command("finish" if enough else "correct")]
-        if (
-            self.part in (parts.QUESTIONS, parts.WAITING)
-            and not session.wishes.is_busy
-            and self._work()
-        ):
+        answers = self.part in (parts.QUESTIONS, parts.WAITING)
+        if answers and not session.wishes.is_busy and self._work():
             session.wishes.express(self._work())
         return []
 
@@ -267,11 +276,6 @@ class Study:
         write_document(self._folder / archive.PERSON_FILE, document)
         self._stored = self._news()
 
-    def _store_if_possible(self) -> None:
-        """Store the record so far; what cannot be stored now is stored the next time."""
-        with suppress(FileError):
-            self._store()
-
     def _go_back(self) -> None:
         """Go on where a recorder that died has left the person."""
         path = self._folder / archive.PERSON_FILE
@@ -287,11 +291,8 @@ class Study:
             if not is_whole(episode):
                 self._session.recording.mark(place, kept=False, comment="interrupted")
         if self.part in (parts.WATCHING, parts.CORRECTING):
-            self.part = (
-                parts.QUESTIONS
-                if self._counts.n_driven and enough(parts.CORRECTING)
-                else parts.MAKING
-            )
+            is_done = self._counts.n_driven and enough(parts.CORRECTING)
+            self.part = parts.QUESTIONS if is_done else parts.MAKING
         if self.part == parts.MAKING:
             self._maker.results.clear()
         if self.part == parts.PRACTICE:
@@ -322,13 +323,13 @@ class Study:
         What somebody agreed to give stays until it is in their archive.
         """
         if self.part == parts.DELETED:
-            with suppress(FileNotFoundError):
-                self._folder.with_suffix(".zip").unlink()
+            self._folder.with_suffix(".zip").unlink(missing_ok=True)
         agreed = self.part != parts.CONSENT or (self._folder / archive.PERSON_FILE).exists()
         if not agreed or self.part == parts.DELETED or self.is_finished:
             shutil.rmtree(self._folder, ignore_errors=True)
         elif self.part != parts.CONSENT:  # how long the part took until now
-            self._store_if_possible()
+            with suppress(FileError):
+                self._store()
 
     # ---- fields of the page
 
@@ -390,10 +391,8 @@ class StudyTree(PageTree):
 
     def make(self, show: "Show", stop: Callable[[], bool]) -> None:
         """Make the tree of the demonstrations, or of these and the corrections."""
-        name, of_all = (
-            archive.TAKEN_OVER if archive.FITTED in self.names else archive.FITTED,
-            super().make,
-        )
+        name = archive.TAKEN_OVER if archive.FITTED in self.names else archive.FITTED
+        of_all = super().make
         watched = self._watched if name == archive.FITTED else -1
         self._keep(name, lambda: of_all(_plainly(show, watched), stop))
 
@@ -415,9 +414,8 @@ class StudyTree(PageTree):
         try:
             work()
         finally:
-            best = self.best
-            self.failed = best is None
-        if best is not None:
+            self.failed = self.best is None
+        if (best := self.best) is not None:
             tree, played = best
             tree.save(self._person / f"{name}.json")
             self.results.append(archive.result_of(name, tree, played))

@@ -18,7 +18,8 @@ from eutree.fitting import Person
 from eutree.fitting.page_views import value
 from eutree.interaction.making import make
 from eutree.policies import TreePolicy
-from eutree_lab.study.archive import DEMOS, TREES, PersonDocument, archives, read_person
+from eutree_lab.study.archive import DEMOS, TREES, PersonDocument, archives, read_person, unpack
+from eutree_lab.study.plan import PERSON
 
 Cell = str | float | None
 OWN = "own"
@@ -86,7 +87,7 @@ def study_table(study: Path, *, episodes: int = 500, seed: int = 1_000_003) -> S
     """Return the table of all people of a study who took part to the end.
 
     Each tree plays further episodes, the same for all: those of the study chose between trees. A
-    file that is no archive of a person is left out, with a warning.
+    file of another name that is no archive of a person is left out, with a warning.
 
     Args:
         study: The folder with the archives.
@@ -96,12 +97,12 @@ def study_table(study: Path, *, episodes: int = 500, seed: int = 1_000_003) -> S
     Raises:
         InvalidArgumentError: There is no archive, or two of one person, or they are not of one
             study.
-        FormatError: What a person did is damaged.
+        FormatError: What a person did is damaged: the means would be of the others alone.
     """
     rows, known, places = [], list[PersonDocument](), dict[str, str]()
     for path in archives(study):
         with TemporaryDirectory() as name:
-            person = read_person(path, Path(name))
+            person = (unpack if PERSON.fullmatch(path.stem) else read_person)(path, Path(name))
             if person is None:
                 continue
             if (other := places.setdefault(person.person, path.name)) != path.name:
@@ -136,15 +137,13 @@ def _row(person: PersonDocument, folder: Path, episodes: int, seed: int) -> dict
     return row
 
 
-def _reached(
-    person: PersonDocument, folder: Path, episodes: int, seed: int
-) -> dict[str, float | None]:
+def _reached(person: PersonDocument, folder: Path, episodes: int, seed: int) -> dict[str, Cell]:
     """Return the merit of each tree in further episodes, by its name."""
     spec = environment_from_document(person.environment, folder)
     if spec is None:
         raise InvalidArgumentError(f"the environment of {person.person} is not known")
     env: Any = make(spec)
-    found: dict[str, float | None] = dict.fromkeys(TREES)
+    found: dict[str, Cell] = dict.fromkeys(TREES)
     try:
         for name in TREES:
             path = folder / f"{name}.json"
