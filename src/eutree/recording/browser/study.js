@@ -48,9 +48,11 @@ function studyButton([name, text], place) {
 
 function paragraph(name, text) {
   const element = document.createElement(name);
-  for (const [place, part] of text.split(/\*{1,2}([^\s*][^*]*)\*{1,2}/).entries()) {
-    const piece = place % 2 ? document.createElement("em") : document.createTextNode(part);
-    if (place % 2) piece.textContent = part;
+  const stars = /(^|[^\p{L}\p{N}_*])\*{1,3}([^\s*](?:[^*]*[^\s*])?)\*{1,3}/u; // no star after a word opens
+  for (const [place, part] of text.split(stars).entries()) { // text, what stands before the star, what is meant
+    const isMeant = place % 3 === 2;
+    const piece = isMeant ? document.createElement("em") : document.createTextNode(part);
+    if (isMeant) piece.textContent = part;
     element.append(piece);
   }
   return element;
@@ -67,17 +69,23 @@ function paragraphs(text) {
     if (!line.trim()) { open = last?.items && open; if (open) open.rest = true; }
     else if (heading !== undefined) { blocks.push({ name: "h2", text: heading }); open = null; }
     else if (mark) {
-      open = { text: item };
-      if (last?.name === name) last.items.push(open);
-      else blocks.push({ name, start: parseInt(mark), items: [open] });
+      const number = parseInt(mark), above = last?.name === name && last.items.at(-1);
+      open = { text: item, number };
+      if (above && !(above.rest && number <= above.number)) last.items.push(open); // a new list begins with a number again
+      else blocks.push({ name, items: [open] });
     } else if (open && !(open.rest && /^\S/.test(line))) open.text += ` ${line.trim()}`;
     else blocks.push(open = { name: "p", text: line.trim() });
   }
   return blocks.map((block) => {
     if (!block.items) return paragraph(block.name, block.text);
     const list = document.createElement(block.name);
-    if (block.start > 1) list.start = block.start;
-    list.append(...block.items.map((item) => paragraph("li", item.text)));
+    let shown = 0, before = 0; // as written; but the same number for all, as Markdown allows, counts
+    list.append(...block.items.map(({ text, number }, place) => {
+      const item = paragraph("li", text), next = place && number === before ? shown + 1 : number;
+      if (block.name === "ol" && next !== shown + 1) item.value = next;
+      [shown, before] = [next, number];
+      return item;
+    }));
     return list;
   });
 }
