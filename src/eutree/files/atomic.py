@@ -252,12 +252,13 @@ def locked(folder: Path, advice: str = "wait for it, or choose another folder") 
         descriptor = os.open(folder / ".lock", os.O_RDWR | os.O_CREAT, 0o644)
         try:
             lock(descriptor)
-            if not os.path.samestat(os.fstat(descriptor), os.stat(folder / ".lock")):
-                raise BlockingIOError  # of a folder that was deleted meanwhile
+            is_ours = os.path.samestat(os.fstat(descriptor), os.stat(folder / ".lock"))
         except (BlockingIOError, FileNotFoundError):
+            is_ours = False
+        if not is_ours:  # another holds it, or has deleted it meanwhile
             holder = os.read(descriptor, 32).decode(errors="replace").strip() or "unknown"
             os.close(descriptor)
-            raise RunFolderError(f"{folder} is in use by process {holder}: {advice}") from None
+            raise RunFolderError(f"{folder} is in use by process {holder}: {advice}")
         os.ftruncate(descriptor, 0)
         os.write(descriptor, f"{os.getpid()}\n".encode())
     return descriptor
