@@ -150,7 +150,8 @@ def _visits(low: Floats, high: Floats, inside: Region, rows: Floats) -> Floats:
     counts = [
         np.all((rows > a) & (rows <= b), axis=1).sum() for a, b in zip(low, high, strict=True)
     ]
-    return np.asarray(np.array(counts, dtype=np.float64) / max(len(rows), 1))
+    shares: Floats = np.array(counts, dtype=np.float64) / max(len(rows), 1)
+    return shares
 
 
 def _joined(low: Floats, high: Floats, actions: Integers) -> tuple[Floats, Floats, Integers]:
@@ -177,10 +178,12 @@ def _joined(low: Floats, high: Floats, actions: Integers) -> tuple[Floats, Float
 
 def _runs(spans: list[tuple[float, float]]) -> list[tuple[float, float]]:
     """Join spans that touch, in order."""
-    joined: list[tuple[float, float]] = []
-    for start, end in spans:
-        touches = bool(joined) and start == joined[-1][1]
-        joined.append((joined.pop()[0] if touches else start, end))
+    joined = [spans[0]]
+    for start, end in spans[1:]:
+        if start == joined[-1][1]:
+            joined[-1] = (joined[-1][0], end)
+        else:
+            joined.append((start, end))
     return joined
 
 

@@ -132,7 +132,8 @@ def _labels(
         allowed = allowed & (member == has[:, np.newaxis])
     if not allowed.any(axis=1).all():
         return np.empty(0, np.int64)
-    return np.asarray(np.where(allowed, worth, -np.inf).argmax(axis=1))
+    labels: Integers = np.where(allowed, worth, -np.inf).argmax(axis=1)
+    return labels
 
 
 def _worth(policy: TreePolicy) -> Floats:

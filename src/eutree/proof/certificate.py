@@ -43,7 +43,8 @@ class Starts(Frozen):
     def draw(self, generator: np.random.Generator) -> Floats:
         """Return a state [d] of one of the boxes, all of them equally likely."""
         box = int(generator.integers(len(self.low)))
-        return np.asarray(generator.uniform(self.low[box], self.high[box]))
+        state: Floats = generator.uniform(self.low[box], self.high[box])
+        return state
 
 
 @dataclass(frozen=True, eq=False)

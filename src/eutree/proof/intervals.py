@@ -232,7 +232,8 @@ def sqrt(value: Intervals) -> Intervals:
 
 def middle(low: Floats, high: Floats) -> Floats:
     """Return a number in the middle of two, as nearly as doubles allow."""
-    return np.asarray(low / 2 + high / 2)
+    found: Floats = low / 2 + high / 2
+    return found
 
 
 def rounded(value: Intervals, precision: DTypeLike) -> Intervals:
@@ -275,7 +276,8 @@ def _holds(value: Intervals, place: float) -> Booleans:
 
 
 def _margin(value: Floats) -> Floats:
-    return np.asarray(value * LIBRARY + 5e-324)
+    margin: Floats = value * LIBRARY + 5e-324
+    return margin
 
 
 def _hold_zero(value: Intervals) -> Booleans:
@@ -440,7 +442,8 @@ class Affine(Intervals):
 
     @property
     def _radius(self) -> Floats:
-        return np.asarray((self.spread + self.error) * _UP)
+        radius: Floats = (self.spread + self.error) * _UP
+        return radius
 
     def chosen(self, truth: Booleans, other: Intervals) -> "Affine":
         """Return this where something is true, else the other."""

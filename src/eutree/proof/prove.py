@@ -344,7 +344,8 @@ def _shares(pieces: Pieces, plant: Plant) -> Floats:
     width = np.diff(plant.start)[:, 0]
     varies = width > 0
     sides = (pieces.high - pieces.low)[:, varies] / width[varies]
-    return np.asarray(sides.prod(axis=1))
+    shares: Floats = sides.prod(axis=1)
+    return shares
 
 
 def _middles(pieces: Pieces, chosen: Booleans) -> Iterator[Floats]:

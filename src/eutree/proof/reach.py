@@ -397,4 +397,5 @@ class Reach:
 
 def first_action(possible: Integers) -> Integers:
     """Return the first action of each set: so many bits are 0 below the lowest that is 1."""
-    return np.asarray(np.bitwise_count(~possible & (possible - 1)).astype(np.int64))
+    found: Integers = np.bitwise_count(~possible & (possible - 1)).astype(np.int64)
+    return found

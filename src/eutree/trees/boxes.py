@@ -127,7 +127,8 @@ def left_of_group(low: Floats, high: Floats, group: Sequence[int]) -> Booleans:
     low, high = low[..., list(group)], high[..., list(group)]
     fixed = (low >= 0.0) | (high < 0.0)  # cannot be 0
     of_others = fixed.sum(axis=-1, keepdims=True) - fixed
-    return np.asarray((low < 1.0) & (high >= 1.0) & (of_others == 0))
+    left: Booleans = (low < 1.0) & (high >= 1.0) & (of_others == 0)
+    return left
 
 
 def possible_nodes(tree: DecisionTree, schema: Schema) -> Booleans:
@@ -166,15 +167,16 @@ def volumes(low: Floats, high: Floats, box_low: Floats, box_high: Floats, schema
         scale = np.where(np.isinf(box_high - box_low), 0.25, 1.0)  # else a width were infinite
     low, high, box_low, box_high = (ends * scale for ends in (low, high, box_low, box_high))
     width = np.where(flat, 1.0, box_high - box_low)
-    ends = (np.clip(end, box_low, box_high) for end in (high, low))
-    sides = np.clip(np.subtract(*ends), 0.0, None) / width
+    inside = np.clip(high, box_low, box_high) - np.clip(low, box_low, box_high)
+    sides = np.clip(inside, 0.0, None) / width
     sides = np.where(flat, (low < box_low) & (box_low <= high), sides)
     for group in map(list, schema.groups.values()):
         of_all = box_high[group] >= 1.0
         left = left_of_group(low, high, group) & of_all
         sides[..., group] = 1.0
         sides[..., group[0]] = left.sum(axis=-1) / max(int(of_all.sum()), 1)
-    return np.asarray(sides.prod(axis=-1))
+    product: Floats = sides.prod(axis=-1)
+    return product
 
 
 def disagreement(
