@@ -193,7 +193,7 @@ def described(error: BaseException) -> str:
 
 
 def _package(frame: FrameType) -> str:
-    return str(frame.f_globals.get("__name__")).partition(".")[0]
+    return str(frame.f_globals.get("__name__", "")).partition(".")[0]
 
 
 def warn(message: str) -> None:
@@ -211,9 +211,9 @@ def noted(kind: Any, words: str) -> Iterator[None]:
     try:
         yield
     except Exception as error:
-        frames = (frame.f_globals.get("__name__", "") for frame, _ in walk_tb(error.__traceback__))
         package = str(kind.__module__).partition(".")[0]
-        if package != "eutree" and package in (name.partition(".")[0] for name in frames):
+        through = (_package(frame) for frame, _ in walk_tb(error.__traceback__))
+        if package != "eutree" and package in through:
             error.add_note(f"{NOTED}{words}")
         raise
 

@@ -1,17 +1,17 @@
 """Infinity less infinity is no number: no bound may stand for it, and no tree is sure of it."""
 
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium
 import numpy as np
 import pytest
 from gymnasium.envs.registration import EnvSpec
 
-from eutree.proof import Effort, Intervals, Plant, clip, prove
+from eutree.proof import Effort, Intervals, clip, prove
 from eutree.proof.intervals import Affine, Doubt, cos, quotient, where
 from eutree.proof.reach import Acting
-from eutree.schema import EnvironmentSpec
 from tests.proof.policies import policy_of
+from tests.proof.settling import Settling, SettlingPlant
 
 NAME, DERIVED = "Pair-v0", 2
 BEYOND = "1e308 * 1000"  # infinite, unless of 0
@@ -25,41 +25,22 @@ FORMULAS = [
 ]
 
 
-class Pair(gymnasium.Env[Any, Any]):
-    """Two numbers that settle where the action says."""
-
-    metadata: ClassVar = {"render_modes": []}
-    feature_names = ("x", "y")
-    action_space = gymnasium.spaces.Discrete(2)
-    observation_space = gymnasium.spaces.Box(-100.0, 100.0, (2,), np.float64)
-
-    def reset(self, *, seed: int | None = None, options: Any = None) -> Any:
-        super().reset(seed=seed)
-        self.state = self.np_random.uniform(-1.0, 1.0, 2)
-        return self.state.copy(), {}
-
-    def step(self, action: int) -> Any:
-        self.state = 0.9 * self.state + 0.5 * action
-        return self.state.copy(), 0.0, False, False, {}
-
-
-class PairPlant(Plant):
-    """The pair on intervals."""
+class PairPlant(SettlingPlant):
+    """Two numbers that settle at five times the action."""
 
     state = ("x", "y")
     start = ((-1.0, 1.0),) * 2
     grid = ((-8.0, 8.0, 32),) * 2
+    push = 0.5
 
-    def __init__(self) -> None:
-        self.environment = EnvironmentSpec(NAME)
 
-    def step(self, state: Any, action: Any) -> Any:
-        return [0.9 * one + 0.5 * action for one in state]
+def paired() -> Settling:
+    return Settling(PairPlant.state, PairPlant.push, 2)
 
 
 @pytest.fixture(autouse=True)
 def pair(monkeypatch):
-    monkeypatch.setitem(gymnasium.registry, NAME, EnvSpec(NAME, Pair, max_episode_steps=50))
+    monkeypatch.setitem(gymnasium.registry, NAME, EnvSpec(NAME, paired, max_episode_steps=50))
 
 
 @pytest.mark.parametrize("formula", FORMULAS)
@@ -77,7 +58,7 @@ def test_boxes_hold_the_action_of_what_is_no_number(formula, as_affine):
         boxes = [Affine(center[j], slopes[j], np.zeros(n), doubt) for j in range(2)]
     for threshold in (2e9, 5.0, 0.5):
         policy = policy_of((DERIVED, threshold, 0, 1), NAME, derived=(f"d = {formula}",))
-        possible = Acting(policy, PairPlant())(boxes)
+        possible = Acting(policy, PairPlant(NAME))(boxes)
         actions = policy.predict(states.transpose(0, 2, 1).reshape(-1, 2))[0].reshape(inside, n)
         assert ((possible >> actions) & 1).all()
 
@@ -87,7 +68,7 @@ def test_boxes_hold_the_action_of_what_is_no_number(formula, as_affine):
 def test_what_a_number_that_is_none_breaks_is_not_proven(formula, horizon):
     policy = policy_of((DERIVED, 2e9, 0, 1), NAME, derived=(f"d = {formula}",))
     effort = Effort(box_steps=2_000, refinements=(1,))
-    assert not prove(policy, PairPlant(), f"avoids x > 1.01 {horizon}", effort=effort).proven
+    assert not prove(policy, PairPlant(NAME), f"avoids x > 1.01 {horizon}", effort=effort).proven
 
 
 def test_operations_on_bounds_without_end_know_nothing_of_what_may_be_no_number():
@@ -119,7 +100,7 @@ def test_a_step_that_may_compute_no_number_proves_nothing(strange):
     policy = policy_of((0, 0.5, 0, 1), NAME)
     effort = Effort(box_steps=2_000, refinements=iter((1,)))
     for horizon in ("for ever", "for 30 steps"):
-        assert not prove(policy, Strange(), f"avoids y > 5 {horizon}", effort=effort).proven
+        assert not prove(policy, Strange(NAME), f"avoids y > 5 {horizon}", effort=effort).proven
 
 
 def test_a_number_of_the_state_may_be_set_anew():
@@ -130,5 +111,5 @@ def test_a_number_of_the_state_may_be_set_anew():
             return [where(state[0] <= 0.0, 0.0, 0.5), where(state[1] > 9.0, 0.5, 0.25)]
 
     policy = policy_of((0, 0.7, 0, 1), NAME)
-    assert prove(policy, Anew(), "avoids x > 1.01 for 30 steps").proven
-    assert not prove(policy, Anew(), "avoids y > 0.2 for 30 steps").proven
+    assert prove(policy, Anew(NAME), "avoids x > 1.01 for 30 steps").proven
+    assert not prove(policy, Anew(NAME), "avoids y > 0.2 for 30 steps").proven

@@ -248,11 +248,12 @@ def lock(descriptor: int) -> None:
 
 def locked(folder: Path, advice: str = "wait for it, or choose another folder") -> int:
     """Return a descriptor that holds the folder's lock, with our pid in it for others to read."""
-    with reported("write", folder / ".lock"):
-        descriptor = os.open(folder / ".lock", os.O_RDWR | os.O_CREAT, 0o644)
+    path = folder / ".lock"
+    with reported("write", path):
+        descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
         try:
             lock(descriptor)
-            is_ours = os.path.samestat(os.fstat(descriptor), os.stat(folder / ".lock"))
+            is_ours = os.path.samestat(os.fstat(descriptor), os.stat(path))
         except (BlockingIOError, FileNotFoundError):
             is_ours = False
         if not is_ours:  # another holds it, or has deleted it meanwhile
