@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from eutree.arrays import Float32s, Floats, Integers
-from eutree.compiled import compiled, inlined
+from eutree.compiled import compiled, compiled_uncounted, inlined
 from eutree.neural import Network
 from eutree.world_model._kernels import EPISODE_STRIDE, ActionTree, Episodes
 from eutree.world_model._kernels_ensemble import (
@@ -57,6 +57,15 @@ class EnsembleConditions(NamedTuple):
     horizon: int
 
 
+class Tasks(NamedTuple):
+    """Trees that are run from recorded steps to the end."""
+
+    forest: ActionTree
+    roots: Integers  # [m] node of the forest at which the tree of each task begins
+    begins: Integers  # [m] recorded step from which it acts
+    totals: Floats  # [m] out: what the episode earns
+
+
 class EnsembleLanes(NamedTuple):
     """Episodes under way; those before the first n are, the rest is left from others.
 
@@ -68,8 +77,9 @@ class EnsembleLanes(NamedTuple):
     hidden1: Float32s  # [h L]
     hidden2: Float32s  # [h L]
     out: Float32s  # [q L]
+    row: Float32s  # [q] the same of one lane
     nodes: Integers  # [L] of the forest: the root of the lane's tree, then the leaf of its state
-    tasks: Integers  # [L] index into the tasks of ``go_on``
+    tasks: Integers  # [L] which of ``Tasks``
     owners: Integers  # [L] episode
     steps: Integers  # [L] steps since the episode's start
 
@@ -84,7 +94,7 @@ def empty_lanes(world: EnsembleWorld) -> EnsembleLanes:
     return EnsembleLanes(
         np.zeros((LANES, 2 * world.scales.move.size)),
         numbers[:first], numbers[first:second], numbers[second:third], numbers[third:],
-        none[0], none[1], none[2], none[3],
+        np.zeros(q, dtype=np.float32), none[0], none[1], none[2], none[3],
     )  # fmt: skip
 
 
@@ -193,22 +203,24 @@ def move(
 
 
 @compiled
-def go_on(
-    conditions: EnsembleConditions,
-    episodes: Episodes,
-    forest: ActionTree,
-    roots: Integers,  # [m] node of the forest at which the tree of each task begins
-    begins: Integers,  # [m] recorded step from which it acts
-    trace: Episodes,  # gets each step if it has room for all, those of an episode in their order
-    totals: Floats,  # [m] out
-) -> int:
-    """Run trees from recorded steps to the end; write the episodes' returns.
+def go_on(conditions: EnsembleConditions, before: Episodes, tasks: Tasks, trace: Episodes) -> int:
+    """Run trees from steps of some episodes to the end; write the returns.
 
-    Episode e runs in member e modulo the number of members. Returns the steps written.
+    Episode e runs in member e modulo the number of members. Returns the steps written to ``trace``,
+    which gets each step if it has room for all, those of an episode in their order.
     """
+    return run_lanes(conditions, before, tasks, trace, empty_lanes(conditions.world))
+
+
+@compiled_uncounted
+def run_lanes(
+    conditions: EnsembleConditions, episodes: Episodes, tasks: Tasks, trace: Episodes,
+    lanes: EnsembleLanes,
+) -> int:  # fmt: skip
+    """Do what ``go_on`` does, in its lanes: to count who holds an array took half of each step."""
     world, draws, horizon = conditions
-    d, n_members = world.scales.move.size, len(world.members.w1)
-    lanes, out = empty_lanes(world), np.zeros(world.members.w3.shape[2], dtype=np.float32)
+    forest, roots, begins, totals = tasks
+    d, n_members, out = world.scales.move.size, len(world.members.w1), lanes.row
     writes, written = trace.earned.size > 0, 0
     for member in range(n_members):
         n, begun = 0, 0

@@ -86,9 +86,8 @@ class EnsembleRollouts(Rollouts):
         self, forest: ActionTree, roots: Integers, begins: Integers, trace: Episodes
     ) -> tuple[int, Floats]:
         """Run a tree from each recorded step on; return the steps written, and the returns."""
-        totals = np.empty(begins.size)
-        here = self._conditions, self._episodes
-        return kernels.go_on(*here, forest, roots, begins, trace, totals), totals
+        tasks = kernels.Tasks(forest, roots, begins, np.empty(begins.size))
+        return kernels.go_on(self._conditions, self._episodes, tasks, trace), tasks.totals
 
 
 # A tree that copies a teacher is cut to size one node at a time. A node gives way to one of its
@@ -118,9 +117,8 @@ def _best_cut(rollouts: EnsembleRollouts, generator: np.random.Generator) -> Act
     policy = rollouts.policy
     inner = np.flatnonzero(policy.feature >= 0)
     places = generator.permutation(2 * inner.size)[:TRIED]
-    few = max(SHORT_LOOK * rollouts.n_episodes // 150, 1)
-    few -= few % rollouts.n_members
-    few = max(few, rollouts.n_members)
+    few = SHORT_LOOK * rollouts.n_episodes // 150
+    few = max(few - few % rollouts.n_members, rollouts.n_members)
     cuts = []
     for place in places.tolist():
         cuts.append(with_child(policy, int(inner[place // 2]), goes_left=place % 2 == 0)[0])
