@@ -1,8 +1,9 @@
 """Compiled loops of imagined episodes in an ensemble, side by side.
 
-A network that looks at one state loads each weight for one product. Here many episodes of a member
-are under way at once, each in a *lane*, and each weight that is loaded meets all of them. A sum
-has the same order in every lane, however many there are, so results do not depend on them.
+Many episodes of a member are under way at once, each in a *lane*: while one waits for a draw or an
+exponential, the next one goes on. Each is looked at alone, all outputs of a layer at once, so that
+a few lanes, as most challengers have, cost no more each than many. The weights of a member fit into
+the nearest cache. Sums have one order, so results depend neither on lanes nor on vectors.
 """
 
 import math
@@ -26,17 +27,19 @@ from eutree.world_model._kernels_ensemble import (
 from eutree.world_model._kernels_formulas import Formulas, derive
 
 LANES = 64
-VECTOR = 16  # 32-bit numbers in the widest vector: lanes are counted up to a multiple
 ROWS = 8  # of weights that are added in one pass
+TILE = 64  # columns of weights that lie together: at known distances, loops run as vectors
 
 
 class EnsembleWorld(NamedTuple):
     """The members of an ensemble, to be run.
 
-    Inputs and hidden units are filled up with such as are always 0, to a multiple of ``ROWS``.
+    Inputs, hidden units and outputs are filled up with such as are always 0, to a multiple of
+    ``ROWS``.
     """
 
     members: Network  # each array of all members [M, ...]
+    tiles: Network  # the same; matrices flat, the first ``TILE`` columns of all rows, then the next
     scales: Scales
     formulas: Formulas  # of the derived features
     tally: Integers  # [1] steps taken in it so far
@@ -67,17 +70,13 @@ class Tasks(NamedTuple):
 
 
 class EnsembleLanes(NamedTuple):
-    """Episodes under way; those before the first n are, the rest is left from others.
-
-    The networks' numbers are those of all lanes for one unit, then for the next.
-    """
+    """Episodes under way; those before the first n are, the rest is left from others."""
 
     states: Floats  # [L, 2 d] observation, displacement
-    x: Float32s  # [p L]
-    hidden1: Float32s  # [h L]
-    hidden2: Float32s  # [h L]
-    out: Float32s  # [q L]
-    row: Float32s  # [q] the same of one lane
+    x: Float32s  # [L, p]
+    hidden1: Float32s  # [L, h]
+    hidden2: Float32s  # [L, h]
+    out: Float32s  # [q, L], those of a lane side by side
     nodes: Integers  # [L] of the forest: the root of the lane's tree, then the leaf of its state
     tasks: Integers  # [L] which of ``Tasks``
     owners: Integers  # [L] episode
@@ -88,43 +87,44 @@ class EnsembleLanes(NamedTuple):
 def empty_lanes(world: EnsembleWorld) -> EnsembleLanes:
     """Return lanes in which nothing is under way."""
     (_, p, h), q = world.members.w1.shape, world.members.w3.shape[2]
-    numbers = np.zeros((p + 2 * h + q) * LANES, dtype=np.float32)
-    first, second, third = p * LANES, (p + h) * LANES, (p + 2 * h) * LANES
     none = np.zeros((4, LANES), dtype=np.int64)
     return EnsembleLanes(
-        np.zeros((LANES, 2 * world.scales.move.size)),
-        numbers[:first], numbers[first:second], numbers[second:third], numbers[third:],
-        np.zeros(q, dtype=np.float32), none[0], none[1], none[2], none[3],
+        np.zeros((LANES, 2 * world.scales.move.size)), np.zeros((LANES, p), dtype=np.float32),
+        np.zeros((LANES, h), dtype=np.float32), np.zeros((LANES, h), dtype=np.float32),
+        np.zeros((LANES, q), dtype=np.float32).T, none[0], none[1], none[2], none[3],
     )  # fmt: skip
 
 
-@compiled
+@compiled_uncounted
 def write_layer(
-    w: Float32s, b: Float32s, x: Float32s, n: int, least: np.float32, out: Float32s
+    tiles: Float32s, b: Float32s, x: Float32s, n: int, least: np.float32, out: Float32s
 ) -> None:
-    """Write a layer's outputs of the first n lanes, none below ``least``.
+    """Write a layer's outputs [L, q] of the first n lanes, none below ``least``.
 
-    The parentheses fix the order of the additions. Places are computed from one constant, so that
-    a loop over lanes runs along two stretches of memory.
+    The parentheses fix the order of the additions. A view begins at each tile, and at nothing that
+    may be negative, or numba would look at the sign of each place.
     """
-    for j in range(b.size):
-        at, k = j * LANES, 0
-        for lane in range(n):
-            out[at + lane] = b[j]
-        # Not ``range`` with a step: then numba does not know that no place is negative.
-        while k + ROWS <= len(w):
-            w0, w1, w2, w3 = w[k, j], w[k + 1, j], w[k + 2, j], w[k + 3, j]
-            w4, w5, w6, w7 = w[k + 4, j], w[k + 5, j], w[k + 6, j], w[k + 7, j]
-            for lane in range(n):
-                i = k * LANES + lane
-                x0, x1, x2, x3 = x[i], x[i + LANES], x[i + 2 * LANES], x[i + 3 * LANES]
-                i += 4 * LANES
-                x4, x5, x6, x7 = x[i], x[i + LANES], x[i + 2 * LANES], x[i + 3 * LANES]
-                one = out[at + lane] + (((x0 * w0 + x1 * w1) + x2 * w2) + x3 * w3)
-                out[at + lane] = one + (((x4 * w4 + x5 * w5) + x6 * w6) + x7 * w7)
-            k += ROWS
-        for lane in range(n):
-            out[at + lane] = max(out[at + lane], least)
+    p = x.shape[1]
+    for lane in range(n):
+        row, all_sums = x[lane], out[lane]
+        for j in range(b.size):
+            all_sums[j] = b[j]
+        for first in range(0, b.size, TILE):
+            sums, w, k = all_sums[first : first + TILE], tiles[first * p :], 0
+            # Not ``range`` with a step: then numba does not know that no place is negative.
+            while k + ROWS <= p:
+                x0, x1, x2, x3 = row[k], row[k + 1], row[k + 2], row[k + 3]
+                x4, x5, x6, x7 = row[k + 4], row[k + 5], row[k + 6], row[k + 7]
+                for j in range(sums.size):
+                    i = k * TILE + j
+                    w0, w1, w2, w3 = w[i], w[i + TILE], w[i + 2 * TILE], w[i + 3 * TILE]
+                    i += 4 * TILE
+                    w4, w5, w6, w7 = w[i], w[i + TILE], w[i + 2 * TILE], w[i + 3 * TILE]
+                    one = sums[j] + (((x0 * w0 + x1 * w1) + x2 * w2) + x3 * w3)
+                    sums[j] = one + (((x4 * w4 + x5 * w5) + x6 * w6) + x7 * w7)
+                k += ROWS
+        for j in range(b.size):
+            all_sums[j] = max(all_sums[j], least)
 
 
 @compiled
@@ -132,7 +132,7 @@ def look(
     world: EnsembleWorld, member: int, forest: ActionTree, lanes: EnsembleLanes, n: int
 ) -> None:
     """Go down each lane's tree, and write a member's outputs for its state and action."""
-    members, scales, states = world.members, world.scales, lanes.states
+    tiles, scales, states = world.tiles, world.scales, lanes.states
     n_seen = scales.centre.size
     for lane in range(n):
         node = lanes.nodes[lane]
@@ -142,13 +142,13 @@ def look(
             node = forest.left[node] if below else forest.right[node]
         lanes.nodes[lane] = node
         for k in range(n_seen):
-            lanes.x[k * LANES + lane] = (states[lane, k] - scales.centre[k]) / scales.spread[k]
-        for k in range(n_seen, members.w1.shape[1]):
-            lanes.x[k * LANES + lane] = k == n_seen + forest.action[node]
-    zero, none, width = np.float32(0), np.float32(-np.inf), -(-n // VECTOR) * VECTOR
-    write_layer(members.w1[member], members.b1[member], lanes.x, width, zero, lanes.hidden1)
-    write_layer(members.w2[member], members.b2[member], lanes.hidden1, width, zero, lanes.hidden2)
-    write_layer(members.w3[member], members.b3[member], lanes.hidden2, width, none, lanes.out)
+            lanes.x[lane, k] = (states[lane, k] - scales.centre[k]) / scales.spread[k]
+        for k in range(n_seen, lanes.x.shape[1]):
+            lanes.x[lane, k] = k == n_seen + forest.action[node]
+    zero, none = np.float32(0), np.float32(-np.inf)
+    write_layer(tiles.w1[member], tiles.b1[member], lanes.x, n, zero, lanes.hidden1)
+    write_layer(tiles.w2[member], tiles.b2[member], lanes.hidden1, n, zero, lanes.hidden2)
+    write_layer(tiles.w3[member], tiles.b3[member], lanes.hidden2, n, none, lanes.out.T)
 
 
 @inlined
@@ -220,7 +220,7 @@ def run_lanes(
     """Do what ``go_on`` does, in its lanes: to count who holds an array took half of each step."""
     world, draws, horizon = conditions
     forest, roots, begins, totals = tasks
-    d, n_members, out = world.scales.move.size, len(world.members.w1), lanes.row
+    d, n_members = world.scales.move.size, len(world.members.w1)
     writes, written = trace.earned.size > 0, 0
     for member in range(n_members):
         n, begun = 0, 0
@@ -250,10 +250,8 @@ def run_lanes(
                 written += 1
             # Backwards: the last lane under way, which takes the place of one that ends, has moved.
             for lane in range(n - 1, -1, -1):
-                for j in range(out.size):
-                    out[j] = lanes.out[j * LANES + lane]
                 at = lanes.owners[lane] * EPISODE_STRIDE + lanes.steps[lane] * (d + 1)
-                reward, ends = move(world, draws, at, out, lanes.states[lane])
+                reward, ends = move(world, draws, at, lanes.out[:, lane], lanes.states[lane])
                 totals[lanes.tasks[lane]] += reward
                 lanes.steps[lane] += 1
                 if ends or lanes.steps[lane] >= horizon:

@@ -25,7 +25,7 @@ from eutree.neural.double_dqn import CHUNK, SLOWEST, copied, network_of, random_
 from eutree.validation import check_amounts, check_measures
 from eutree.world_model import _kernels_ensemble as kernels
 from eutree.world_model._kernels_ensemble import BAD, GOES_ON, GOOD, Fitting, Scales, Steps
-from eutree.world_model._kernels_ensemble_lanes import ROWS, EnsembleWorld
+from eutree.world_model._kernels_ensemble_lanes import ROWS, TILE, EnsembleWorld
 from eutree.world_model._kernels_formulas import formulas_of
 from eutree.world_model.transitions import Transitions
 
@@ -152,9 +152,10 @@ class Ensemble:
         """The members as the compiled loops take them, no step taken yet."""
         networks = [_filled_up(network_of(row, *self.size)) for row in self.weights]
         members = Network._make(np.stack(arrays) for arrays in zip(*networks, strict=True))
-        return EnsembleWorld(
-            members, self.scales, formulas_of(self.derivation), np.zeros(1, dtype=np.int64)
-        )
+        flat = (_tiled(matrix) for matrix in (members.w1, members.w2, members.w3))
+        tiles = members._replace(**dict(zip(("w1", "w2", "w3"), flat, strict=True)))
+        formulas = formulas_of(self.derivation)
+        return EnsembleWorld(members, tiles, self.scales, formulas, np.zeros(1, dtype=np.int64))
 
     @property
     def size(self) -> tuple[int, int, int]:
@@ -300,13 +301,20 @@ class _Batches:
 
 
 def _filled_up(network: Network) -> Network:
-    """Return a network whose inputs and hidden units are so many as compiled loops take at once."""
-    p, h = (-size % ROWS for size in network.w1.shape)
+    """Return a network of as many inputs, hidden units, outputs as compiled loops take at once."""
+    p, h, q = (-size % ROWS for size in (*network.w1.shape, network.b3.size))
     return network._replace(
         w1=np.pad(network.w1, ((0, p), (0, h))), b1=np.pad(network.b1, (0, h)),
         w2=np.pad(network.w2, (0, h)), b2=np.pad(network.b2, (0, h)),
-        w3=np.pad(network.w3, ((0, h), (0, 0))),
+        w3=np.pad(network.w3, ((0, h), (0, q))), b3=np.pad(network.b3, (0, q)),
     )  # fmt: skip
+
+
+def _tiled(matrices: Float32s) -> Float32s:
+    """Return matrices [M, p, q] flat, of each ``TILE`` columns all rows, shape [M, T p TILE]."""
+    n, p, q = matrices.shape
+    wide = np.pad(matrices, ((0, 0), (0, 0), (0, -q % TILE)))
+    return wide.reshape(n, p, -1, TILE).swapaxes(1, 2).reshape(n, -1)
 
 
 def _inputs(data: Transitions, places: Floats, moves: Floats) -> Floats:
