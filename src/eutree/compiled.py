@@ -202,7 +202,7 @@ def compiled_later(function: _Function) -> _Function:
 
 
 def compiled_uncounted(function: _Function) -> _Function:
-    """Compile a function that only kernels call and that makes no array and no view of one.
+    """Compile a function that only kernels call and that makes no array and returns no view of one.
 
     Numba counts who holds each array: two atomic additions for each of the dozens in a few named
     tuples, whenever one of them is taken apart. Here it does not: the kernel that calls holds all
