@@ -14,7 +14,7 @@ import gymnasium
 import numpy as np
 from numpy.typing import DTypeLike
 
-from eutree.arrays import Floats, Integers
+from eutree.arrays import Booleans, Floats, Integers
 from eutree.envs import PLANTS
 from eutree.errors import InvalidArgumentError, described, shown
 from eutree.interaction import describe
@@ -235,7 +235,14 @@ class Plant:
                 f"{self.environment}, float32 or float64, got {shown(self.precision)} where they "
                 f"are {' and '.join(sorted(types))}"
             )
-        if masked or ActionMasks(env).now(info) is not None:
+        masks = ActionMasks(env)
+        self.check_allowed(masked or masks.now(info))
+        env.action_space.seed(0)
+        self.check_allowed(masks.now(env.step(env.action_space.sample())[4]))  # perhaps only now
+
+    def check_allowed(self, mask: Booleans | bool | None) -> None:
+        """Raise InvalidArgumentError where a mask says which actions are allowed."""
+        if mask is not None:
             raise InvalidArgumentError(
                 f"all actions must be allowed everywhere for a proof; {self.environment} has masks"
             )

@@ -60,6 +60,7 @@ def replay(
     states, over = [plant.state_of(env)], False
     while not over and len(states) <= steps:  # also where Gymnasium would cut it short
         seen, _, over, _, _ = guard.step(_chosen(policy, seen))
+        plant.check_allowed(guard.allowed)
         states.append(plant.state_of(env))
     if made is None:
         env.close()
@@ -80,6 +81,7 @@ def breaking_seed(
         seen, over, steps = guard.reset(seed), False, 0
         while not over and steps < _MOST_STEPS:
             seen, _, terminated, truncated, _ = guard.step(_chosen(policy, seen))
+            plant.check_allowed(guard.allowed)
             over, steps = terminated or truncated, steps + 1
             state = [Intervals.of(x) for x in plant.state_of(env)[:, None]]
             if broken(state).surely[0]:
@@ -139,6 +141,7 @@ def _follow(plant: Plant, guard: GuardedEnv, steps: int, generator: np.random.Ge
         boxes = [Intervals(a[None], b[None]) for a, b in zip(low, high, strict=True)]
         found = plant.step(boxes, np.array([action]))
         _, reward, over, _, _ = guard.step(action)
+        plant.check_allowed(guard.allowed)
         after = plant.state_of(env)
         if plant.reward is not None and not np.isclose(reward, plant.reward):  # of any precision
             raise InvalidArgumentError(
