@@ -54,13 +54,15 @@ class Pieces(Starts):
     Attributes:
         first: No state of the piece ends before so many steps; ``NEVER`` where none does.
         last: All states of the piece end within so many; ``NEVER`` where that is not known.
+        shortest: No episode from the piece takes fewer steps, however it ends.
     """
 
     first: Integers  # [N]
     last: Integers  # [N]
+    shortest: Integers  # [N]
 
     def __post_init__(self) -> None:
-        freeze(self, "low", "high", "first", "last")
+        freeze(self, "low", "high", "first", "last", "shortest")
 
 
 @dataclass(frozen=True, eq=False)

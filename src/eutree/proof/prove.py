@@ -318,7 +318,7 @@ class _Proof:
         if reward is not None and limit == self._horizon:
             least, most = (
                 float((shares * np.minimum(steps, limit)).sum()) + sign * _SUMMED * limit
-                for steps, sign in ((pieces.first, -1), (pieces.last, 1))
+                for steps, sign in ((pieces.shortest, -1), (pieces.last, 1))
             )
             low, high = sorted((reward * least, reward * most))
             bounds["mean_return"] = (low, high)

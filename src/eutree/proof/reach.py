@@ -169,6 +169,7 @@ class _Boxes:
     # Number of the piece of which a box is one branch of several; -1 where it is all
     owner: Integers  # [N]
     branches: Integers  # [N]; how often several actions were followed
+    ended: Booleans  # [N]; whether episodes of a part of it may have ended without the event
 
     @classmethod
     def beginning(cls, low: Floats, high: Floats, varies: Booleans) -> "_Boxes":
@@ -178,7 +179,7 @@ class _Boxes:
         radius = np.maximum(high - center, center - low)
         slope = np.eye(len(low))[:, varies, None] * radius[:, None]
         error = np.where(radius > 0, 2.0**-51 * (np.abs(center) + radius), 0.0)
-        return cls(low, high, center, slope, error, zeros, zeros - 1, zeros)
+        return cls(low, high, center, slope, error, zeros, zeros - 1, zeros, zeros > 0)
 
     @classmethod
     def joined(cls, parts: Sequence["_Boxes"]) -> "_Boxes":
@@ -210,8 +211,8 @@ class _Boxes:
 class Reach:
     """When an event happens, within a number of steps, from each start of a plant.
 
-    ``event`` says whether it has happened in states, ``is_over`` whether an episode has ended in
-    them without it; None where none does.
+    ``event`` says whether it has happened in states, ``is_over`` whether an episode has arrived in
+    them without it; None where to arrive is the event.
     """
 
     def __init__(
@@ -233,7 +234,7 @@ class Reach:
         wide = [one.high - one.low > 1e-6 * (1.0 + np.abs(one.low)) for one in made]  # disturbed
         self._large = _LARGE if np.any(wide) else 0.0
         self._waiting = [_Boxes.beginning(start[:, :1], start[:, 1:], self._varies)]
-        self._found: list[tuple[Floats, Floats, Integers, Integers, Integers]] = []
+        self._found: list[tuple[Floats, Floats, Integers, Integers, Integers, Integers]] = []
         self._kept = self._owners = 0
         self.box_steps = 0
 
@@ -297,13 +298,14 @@ class Reach:
             return boxes
         boxes, state = self._stepped(boxes, action)
         event = self._event(state)
-        self._keep(boxes[event.surely], boxes.steps[event.surely], boxes.steps[event.surely])
-        over = event.surely
+        over = event.surely & ~boxes.ended
+        self._keep(boxes[over], boxes.steps[over], boxes.steps[over])
+        perhaps = event.maybe & ~over
         if self._is_over is not None:
-            safe = self._is_over(state).surely & ~event.maybe
+            ends = self._is_over(state)
+            safe = ends.surely & ~event.maybe
             self._keep_never(boxes[safe])
-            over = over | safe
-        perhaps = event.maybe & ~event.surely
+            boxes, over = replace(boxes, ended=boxes.ended | ends.maybe), over | safe
         if perhaps.any():
             cut = perhaps & self._is_wide(boxes)
             self._cut(boxes[cut])
@@ -349,22 +351,22 @@ class Reach:
         In a disturbed plant also: they are large, or the start still tells where they go. Boxes of
         halves are as wide where it does not, and as undecided.
         """
-        width, root = boxes.start_high - boxes.start_low, 1.0 / max(self._varies.sum(), 1)
-        wide, large = (
-            (width > share**root * self._width[:, None]).any(axis=0)
-            for share in (self._effort.smallest, self._large)
-        )
+        widest, root = self._widths(boxes).max(axis=0), 1.0 / max(self._varies.sum(), 1)
+        wide, large = (widest > share**root for share in (self._effort.smallest, self._large))
         tells = (np.abs(boxes.slope).sum(axis=1) > boxes.error / 8).any(axis=0)
         return np.asarray(wide & (large | tells) & (boxes.owner < 0))
+
+    def _widths(self, boxes: _Boxes) -> Floats:
+        """Return shares of all starts along each number [d, N]; 0 where no double is between."""
+        low, high = boxes.start_low, boxes.start_high
+        center = middle(low, high)
+        return np.where((low < center) & (center < high), (high - low) / self._width[:, None], 0.0)
 
     def _cut(self, boxes: _Boxes) -> None:
         """Let both halves of pieces begin again, cut across their widest number."""
         if not len(boxes):
             return
-        known = np.where(self._width > 0, self._width, 1.0)
-        width = (boxes.start_high - boxes.start_low) / known[:, None]
-        widest = width.argmax(axis=0)
-        at = widest, np.arange(len(boxes))
+        at = self._widths(boxes).argmax(axis=0), np.arange(len(boxes))
         low, high = boxes.start_low.copy(), boxes.start_high.copy()
         high[at] = low[at] = middle(low[at], high[at])
         lows, highs = np.hstack([boxes.start_low, low]), np.hstack([high, boxes.start_high])
@@ -380,19 +382,34 @@ class Reach:
     def _keep(self, boxes: _Boxes, first: Integers, last: Integers) -> None:
         if len(boxes):
             self._kept += len(boxes)
-            self._found.append((boxes.start_low, boxes.start_high, boxes.owner, first, last))
+            least = np.where(last == NEVER, self._shortest(boxes), first)
+            self._found.append((boxes.start_low, boxes.start_high, boxes.owner, first, last, least))
+
+    def _shortest(self, boxes: _Boxes) -> Integers:
+        """Return how many steps episodes take at least that may have ended without the event.
+
+        Where one has, every action leaves the state as it is: none has where an action moves it.
+        """
+        moves, before = np.zeros(len(boxes), dtype=bool), boxes.state()
+        if self._is_over is None and self._plant.reward is not None:  # else nobody asks
+            for k in range(self._acting.n_actions):
+                later = self._plant.step(before, np.full(len(boxes), k))
+                for one, other in zip(later, before, strict=True):
+                    moves |= ~(one - other == 0.0).maybe
+        return np.where(moves, boxes.steps + 1, 1)
 
     def _joined(self) -> Pieces:
         """Return the decided pieces, the branches of each piece together."""
         columns = zip(*self._found, strict=True)
-        low, high, owners, first, last = (np.concatenate(column, -1) for column in columns)
+        low, high, owners, first, last, least = (np.concatenate(column, -1) for column in columns)
         n = len(owners)
         group = np.where(owners < 0, np.arange(n), n + owners)  # those alone come first
         _, kept, group = np.unique(group, return_index=True, return_inverse=True)
-        earliest, latest = np.full(len(kept), NEVER), np.zeros(len(kept), dtype=np.int64)
+        (earliest, shortest), latest = np.full((2, len(kept)), NEVER), np.zeros_like(kept)
         np.minimum.at(earliest, group, first)
+        np.minimum.at(shortest, group, least)
         np.maximum.at(latest, group, last)
-        return Pieces(self._plant.state, low.T[kept], high.T[kept], earliest, latest)
+        return Pieces(self._plant.state, low.T[kept], high.T[kept], earliest, latest, shortest)
 
 
 def first_action(possible: Integers) -> Integers:
