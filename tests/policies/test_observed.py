@@ -11,6 +11,9 @@ from gymnasium import spaces
 import eutree
 from eutree.errors import InvalidArgumentError
 from eutree.interaction import DerivedObservation, GuardedEnv, describe
+from eutree.policies import TreePolicy
+from eutree.schema import Schema
+from eutree.trees import DecisionTree
 from tests.frames import Frame, Table
 
 SPACES = {
@@ -227,3 +230,22 @@ def test_what_is_remembered_must_be_of_the_rows_observed(policy, size):
         assert policy.predict(rows[0], state[0], begins)[1].shape == (size,)
     for begins in (True, [True] * 3):
         assert policy.predict(rows, state, begins)[1].shape == (3, size)
+
+
+@pytest.mark.parametrize(
+    ("features", "threshold"),
+    [
+        (np.array([0.1], np.float32), 0.1),
+        ([np.float32(0.1)], 0.1),
+        (np.array([0.1], np.float16), 0.1),
+        ([2**53 + 1], 2.0**53),
+        (np.array([2**53 + 1]), 2.0**53),
+        ([True], 0.5),
+    ],
+)
+def test_act_compares_doubles_as_predict_does(features, threshold):
+    """In float32 0.1 equals itself, and a whole number of Python is compared exactly."""
+    tree = DecisionTree.single_leaf(1).split(0, 0, threshold)
+    policy = TreePolicy(tree, np.array([0, 1]), Schema.anonymous(1, 2))
+    assert policy.act(features) == policy.predict(features)[0] == policy.predict([features])[0][0]
+    assert policy.act(features) == policy.act([float(features[0])])

@@ -98,8 +98,13 @@ class DecisionTree(Frozen):
 
     @cached_property
     def _walk(self) -> tuple[list[Any], ...]:
-        """The arrays as plain lists, in which one observation walks ten times faster."""
-        return tuple(getattr(self, name).tolist() for name in _ARRAYS)
+        """Features, thresholds, children as plain lists: one observation walks ten times faster.
+
+        A child that is a leaf is ``~leaf``. A single leaf, whose feature is -1, is its own child.
+        """
+        at = np.stack([self.left, self.right])
+        below = np.where(self.feature[at] < 0, ~self.leaf[at], at).tolist()
+        return self.feature.tolist(), self.threshold.tolist(), *below
 
     @cached_property
     def nodes(self) -> "_kernels.TreeNodes":
@@ -124,15 +129,17 @@ class DecisionTree(Frozen):
         return levels, min(self.depth, 2 * balanced)
 
     def leaf_of(self, observation: Sequence[float]) -> int:
-        """Return L(o) of one observation, a sequence of d floats; unchecked, for inner loops."""
-        feature, threshold, left, right, leaf = self._walk
+        """Return L(o) of one observation, a sequence of d numbers; unchecked, for inner loops.
+
+        Each is compared as a double: a float32 beside a ``float`` would be compared in float32.
+        """
+        feature, threshold, left, right = self._walk
         node = 0
-        test = feature[0]
-        while test >= 0:
-            node = left[node] if observation[test] <= threshold[node] else right[node]
-            test = feature[node]
-        number: int = leaf[node]
-        return number
+        while node >= 0:
+            node = (
+                left[node] if float(observation[feature[node]]) <= threshold[node] else right[node]
+            )
+        return ~node
 
     def leaf_index(self, observations: ArrayLike) -> Int32s:
         """Return L(o) of each observation.
