@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from eutree.schema import Feature, Schema
 from eutree.trees import DecisionTree
-from eutree.trees.text import AskedTest, at_most, printable, quoted, rules
+from eutree.trees.text import AskedTest, at_most, definitions, printable, quoted, rules
 from tests.export.policies import NASTY
 
 # Whatever opens, closes or continues something in a language that exports write.
@@ -34,6 +34,17 @@ def test_different_names_look_different(first: str, second: str) -> None:
 @pytest.mark.parametrize("name", ["opponent_1", "m/s²", "pole angle", "x0, 1 ago", "速度", "100 %"])
 def test_ordinary_names_are_left_alone(name: str) -> None:
     assert printable(name) == name
+
+
+@pytest.mark.parametrize("name", ["a*", "*a", "*"])
+def test_no_formula_opens_or_closes_a_comment(name: str) -> None:
+    """`abs(a*)` closed the comment that it stood in, and `min(*a, x)` opened another."""
+    schema = Schema((Feature(name), Feature("x")), ("stop", "go"))
+    schema = schema.derive([f'd = abs("{name}") + min("{name}", x)'])
+    (line,) = definitions(DecisionTree.single_leaf(3).split(0, 2, 1.0), schema)
+    assert not SIGNIFICANT.search(line)
+    assert quoted(name) in line
+    assert printable("a*b") == "a*b"
 
 
 def test_conditions_are_exact_and_have_units() -> None:

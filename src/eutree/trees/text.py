@@ -71,7 +71,7 @@ class Digits:
 
 # Fine in every kind of text: letters, digits, single blanks, and signs that end nothing.
 _PLAIN = re.compile(
-    r"(?! )(?:[^\W_]|[-_ .,+%°²³µ·')\[\]|~!@;]|/(?![/*])|\*(?![/)])|\((?!\*))+(?<! )"
+    r"(?![ *])(?:[^\W_]|[-_ .,+%°²³µ·')\[\]|~!@;]|/(?![/*])|\*(?![/)])|\((?!\*))+(?<![ *])"
 )
 # Pairs of signs that mean something in a comment of some language, and the JSON escape itself.
 _RISKY = re.compile(r"[*/?<>&$]")
