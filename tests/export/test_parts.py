@@ -11,7 +11,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from eutree.errors import InvalidArgumentError, MissingExtraError
-from eutree.export import to_c, to_c_test, to_latex, to_onnx, to_python, to_svg
+from eutree.export import (
+    to_c,
+    to_c_test,
+    to_latex,
+    to_onnx,
+    to_python,
+    to_structured_text,
+    to_svg,
+)
 from eutree.export._code import (
     C_WORDS,
     DEPTH,
@@ -22,8 +30,9 @@ from eutree.export._code import (
 )
 from eutree.export.c import function_name, node_boxes, probes
 from eutree.export.drawing import FILLS, layout
-from eutree.export.structured_text import literal
-from eutree.schema import Feature, Schema
+from eutree.export.structured_text import constant, literal
+from eutree.schema import Control, Feature, Schema
+from eutree.trees import DecisionTree
 from tests.export.policies import EVASION, NASTY, chain, policy_of, tree
 
 
@@ -186,3 +195,103 @@ def test_no_identifier_is_a_function_block_of_controllers():
     names = [*blocks.split(), *blocks.lower().split()]
     found = identifiers(names, reserved=STRUCTURED_TEXT_WORDS)
     assert not {name.casefold() for name in found} & {name.casefold() for name in names}
+
+
+BEYOND = [5e-324, -1e-310, 1e-40, -1e-40, 1.1754943508222e-38, 3.5e38, -1.7976931348623157e308]
+
+
+@given(st.one_of(st.sampled_from(BEYOND), st.floats(allow_nan=False, allow_infinity=False)))
+def test_no_constant_of_structured_text_is_outside_the_range_of_real(value: float) -> None:
+    """matiec reads each as a REAL; their product, of doubles, is exact."""
+    text = constant(value)
+    numbers = [float(one) for one in re.findall(r"-?\d+\.\d+(?:E-?\d+)?", text)]
+    assert all(one == 0.0 or 2.0**-126 <= abs(one) < 2.0**128 for one in numbers)
+    assert text.startswith("(LREAL#") == (len(numbers) > 1)
+    product = numbers[0]
+    for one in numbers[1:]:
+        product *= one
+    assert str(product) == str(value)
+
+
+def test_structured_text_asks_for_less_than_zero_in_so_many_words() -> None:
+    grown = DecisionTree.single_leaf(1).split(0, 0, -5e-324).split(1, 0, 1.0)
+    source = to_structured_text(policy_of(grown))
+    assert "IF x0 < 0.0 THEN" in source
+    assert "ELSIF x0 <= 1.0 THEN" in source
+
+
+def setting(features: list[str], controls: list[str]) -> Schema:
+    levels = [Control(name, "", (0.0, 1.0)) for name in controls]
+    names = tuple("/".join("ab"[k >> j & 1] for j in range(len(levels)))
+                  for k in range(2 ** len(levels)))  # fmt: skip
+    return Schema(tuple(map(Feature, features)), names, tuple(levels))
+
+
+@pytest.mark.parametrize(
+    ("name", "features", "controls"),
+    [
+        ("decide", ["decide a", "x"], ["a", "a1"]),
+        ("end", ["x"], ["if"]),
+        ("real_to", ["x"], ["int"]),
+        ("decide", ["x"], ["Tree", "tree", "block0"]),
+    ],
+)
+def test_functions_of_structured_text_have_names_of_their_own(name, features, controls):
+    source = to_structured_text(
+        policy_of(tree(2, len(features)), setting(features, controls)), name=name
+    )
+    functions = re.findall(r"^function (\w+)", source.casefold(), re.MULTILINE)
+    variables = re.findall(r"^\s+(\w+) : lreal", source.casefold(), re.MULTILINE)
+    assert len(set(functions)) == len(functions) == 1 + len(controls)
+    assert not set(functions) & {*STRUCTURED_TEXT_WORDS, *variables}
+
+
+@pytest.mark.parametrize("name", ["my__f", "f_", "end_if", "int_to_real"])
+def test_no_function_of_structured_text_has_an_illegal_name(name):
+    """Of underscores the standard allows one between two letters or digits."""
+    policy = policy_of(tree(2, 1))
+    with pytest.raises(InvalidArgumentError, match=r"an identifier .*single underscores"):
+        to_structured_text(policy, name=name)
+    assert to_structured_text(policy, name="my_f_1")
+
+
+def test_no_identifier_is_a_standard_function_of_structured_text():
+    """Names that matiec refuses, and function blocks of the standard."""
+    words = (
+        "int_to_real lreal_to_int time_to_real udint_to_bcd string_to_int date_and_time_to_date "
+        "add_time multime sub_tod_time concat_date_tod ctu_dint ctd_dint ctud_ulint real_trunc_int"
+    )
+    assert not set(words.split()) - STRUCTURED_TEXT_WORDS
+
+
+@pytest.mark.parametrize(
+    ("name", "number", "joined"),
+    [
+        ("DBL", "double", "MAX"),
+        ("flt", "double", "min"),
+        ("int32", "int32", "max"),
+        ("int32", "int32", "t"),
+        ("UINT8", "int32", "t"),
+    ],
+)
+def test_no_joined_name_of_c_is_one_of_its_library(name, number, joined):
+    """`DBL_MAX` in the enumeration of the actions was the largest double."""
+    options = {"name": name, "number": number, "scale": 1.0 if number == "int32" else None}
+    schemas = [setting(["x"], [joined]), Schema((Feature("x"),), ("a", joined))]
+    for schema in schemas:
+        source = to_c(policy_of(tree(2, 1), schema), **options)
+        found = re.findall(rf"\b{name}_\w+\b", source, re.IGNORECASE)
+        folded = {one.casefold() for one in found} - {"int32_t"}  # the type of an observation
+        assert not folded & C_WORDS
+        assert f"{name}_{joined}_2".casefold() in folded
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["clog", "csin", "cabs", "creal", "conj", "cimag", "ctan", "csqrt", "carg", "cexp", "cpow",
+     "cacos", "catanhl", "cprojf", "imaxabs", "imaxdiv", "iswalpha", "iswdigit", "towlower",
+     "towupper", "wcslen", "wmemcpy", "btowc", "mbrtowc", "feraiseexcept"],
+)  # fmt: skip
+def test_no_function_of_c_has_a_name_that_the_compiler_knows(name):
+    with pytest.raises(InvalidArgumentError, match="no reserved word"):
+        to_c(policy_of(tree(2, 1)), name=name)

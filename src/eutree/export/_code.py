@@ -39,6 +39,8 @@ _RESERVED = tomllib.loads(template("reserved.toml"))
 C_WORDS, PYTHON_WORDS, STRUCTURED_TEXT_WORDS = (
     frozenset(_RESERVED[language].split()) for language in ("c", "python", "structured_text")
 )
+_TYPES = _RESERVED["conversions"].split()
+STRUCTURED_TEXT_WORDS |= {f"{one}_to_{other}" for one in _TYPES for other in _TYPES}
 
 
 def identifiers(names: Sequence[str], *, reserved: Iterable[str], prefix: str = "x") -> list[str]:
@@ -61,13 +63,22 @@ def identifiers(names: Sequence[str], *, reserved: Iterable[str], prefix: str = 
     return result
 
 
-def check_identifier(argument: str, value: str, *, reserved: frozenset[str]) -> str:
+def behind(name: str, words: Iterable[str]) -> set[str]:
+    """Return what would make one of some words if it followed ``NAME_``, in any case."""
+    start = f"{name}_".casefold()
+    return {word[len(start) :] for word in map(str.casefold, words) if word.startswith(start)}
+
+
+def check_identifier(
+    argument: str, value: str, *, reserved: frozenset[str], underscores: str = "underscores"
+) -> str:
     """Return ``value`` if it may name a function, else raise InvalidArgumentError."""
     words = {word.casefold() for word in reserved}
     check_kind(argument, value, str)
-    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", value) or value.casefold() in words:
+    pattern = r"[A-Za-z](_?[A-Za-z0-9])*" if underscores != "underscores" else r"[A-Za-z]\w*"
+    if not re.fullmatch(pattern, value, re.ASCII) or value.casefold() in words:
         raise InvalidArgumentError(
-            f"{argument} must be an identifier (letters, digits and underscores) that is no "
+            f"{argument} must be an identifier (letters, digits and {underscores}) that is no "
             f"reserved word, got {value!r}"
         )
     return value
@@ -96,7 +107,7 @@ def block_roots(tree: DecisionTree) -> list[int]:
     return sorted(roots, reverse=True)
 
 
-def action_identifiers(schema: Schema, *, reserved: tuple[str, ...] = ()) -> list[str]:
+def action_identifiers(schema: Schema, *, reserved: Iterable[str] = ()) -> list[str]:
     """Return an identifier for each action; signs and points of levels are spelled."""
     names = list(schema.actions)
     if schema.controls:
@@ -104,7 +115,7 @@ def action_identifiers(schema: Schema, *, reserved: tuple[str, ...] = ()) -> lis
     return identifiers(names, reserved=reserved, prefix="action")
 
 
-def control_identifiers(schema: Schema, *, reserved: frozenset[str]) -> list[str]:
+def control_identifiers(schema: Schema, *, reserved: Iterable[str]) -> list[str]:
     """Return an identifier for each control."""
     names = [control.name for control in schema.controls]
     return identifiers(names, reserved=reserved, prefix="control")

@@ -161,7 +161,7 @@ def _declarations(
 
 
 def _enumerators(policy: TreePolicy, name: str) -> list[str]:
-    found = code.action_identifiers(policy.schema, reserved=("h",))
+    found = code.action_identifiers(policy.schema, reserved={"h", *code.behind(name, code.C_WORDS)})
     return [f"{name}_{action}".upper() for action in found]
 
 
@@ -283,8 +283,9 @@ def _value_titles(policy: TreePolicy, name: str, kind: Numbers) -> list[str]:
     blocks = {f"block_{root}" for root in code.block_roots(policy.tree)}
     own = {"actions", "values", "h", "test", "tree", "leaf", "orders", "allowed"}
     own |= {member.removeprefix(f"{name}_") for member in _enumerators(policy, name)}
+    own |= code.behind(name, code.C_WORDS)
     names = code.control_identifiers(
-        policy.schema, reserved=frozenset(own | blocks | {*code.functions("c", name)})
+        policy.schema, reserved=own | blocks | {*code.functions("c", name)}
     )
     argument = f"const {kind.c_type} *observation"
     return [f"{_level_type(kind)} {name}_{control}({argument})" for control in names]

@@ -23,11 +23,12 @@ def to_structured_text(policy: TreePolicy, *, name: str = "decide") -> str:
         policy: Policy to export.
         name: Name of the function.
     """
-    code.check_identifier("name", name, reserved=code.STRUCTURED_TEXT_WORDS)
+    words, between = code.STRUCTURED_TEXT_WORDS, "single underscores between them"
+    code.check_identifier("name", name, reserved=words, underscores=between)
     schema = policy.schema
     computed = code.exported_features(policy)
     ours = {name, *(f"{name}_{part}" for part in _parts(policy, name))}
-    reserved = code.STRUCTURED_TEXT_WORDS | ours | (_OWN if computed else set())
+    reserved = words | ours | (_OWN if computed else set())
     inputs = code.identifiers(schema.feature_names, reserved=reserved)
     measured = inputs[: policy.derivation.n_measured] if schema.derived else inputs
     lines = [
@@ -53,6 +54,18 @@ def literal(value: float) -> str:
     return f"{mantissa}E{int(exponent)}" if exponent else mantissa
 
 
+def constant(value: float) -> str:
+    """Return a finite double as it stands in code: an exact product where it is outside REAL.
+
+    Compilers may read such a constant as a REAL; matiec 9d0e618 does even of ``LREAL#1.0E-40``.
+    """
+    rest, factors = value, ""
+    while rest and not 2.0**-126 <= abs(rest) < 2.0**127:
+        power = 2.0**-126 if abs(rest) < 1.0 else 2.0**126
+        rest, factors = rest / power, f"{factors} * {literal(power)}"
+    return f"(LREAL#{literal(rest)}{factors})" if factors else literal(value)
+
+
 def _parts(policy: TreePolicy, name: str) -> set[str]:
     """Return what our own functions are called behind ``NAME_``, but those of controls."""
     blocks = {f"block{root}" for root in code.block_roots(policy.tree)}
@@ -68,7 +81,9 @@ def _function(policy: TreePolicy, name: str, inputs: list[str], root: int) -> li
     def test(node: int) -> str:
         test = text.asked(schema, tree, node)
         remark = f" (* {test.condition()} *)" if test.feature.is_integer else ""
-        return f"IF {inputs[test.number]} <= {literal(test.threshold)} THEN{remark}"
+        # No double is between the largest below 0 and 0, which every compiler reads.
+        limit = "< 0.0" if test.threshold == -5e-324 else f"<= {constant(test.threshold)}"
+        return f"IF {inputs[test.number]} {limit} THEN{remark}"
 
     def leaf(node: int) -> str:
         if tree.leaf[node] == tree.NO_LEAF:
@@ -104,7 +119,7 @@ def _entry(policy: TreePolicy, name: str, inputs: list[str]) -> list[str]:
         reserved=[*code.STRUCTURED_TEXT_WORDS, name, *inputs, *_OWN],
     )
     last = dict(zip(remembered, kept, strict=True))
-    operators = code.operations(name, literal, "SEL({0}, {2}, {1})", "AND", "OR")
+    operators = code.operations(name, constant, "SEL({0}, {2}, {1})", "AND", "OR")
 
     def begin(j: int) -> list[str]:
         keep = f"    {last.get(j)} := {inputs[j]};"
@@ -132,14 +147,12 @@ def _entry(policy: TreePolicy, name: str, inputs: list[str]) -> list[str]:
 
 def _values(policy: TreePolicy, name: str, inputs: list[str]) -> list[str]:
     schema = policy.schema
-    names = code.control_identifiers(schema, reserved=frozenset(_parts(policy, name)))
     # A FUNCTION and a variable in it must not have the same name.
-    taken = {variable.casefold() for variable in inputs}
+    taken = code.behind(name, [*inputs, *code.STRUCTURED_TEXT_WORDS])
+    names = code.control_identifiers(schema, reserved=taken | _parts(policy, name))
     lines: list[str] = []
     for number, (own, control) in enumerate(zip(names, schema.controls, strict=True)):
         title = f"{name}_{own}"
-        while title.casefold() in taken:
-            title += "1"
         taking, chosen = _inputs(policy, inputs), f"{name}({', '.join(inputs)})"
         if code.remembered_features(policy):
             taking, chosen = ["VAR_INPUT", "    action_index : INT;", "END_VAR"], "action_index"
@@ -148,7 +161,7 @@ def _values(policy: TreePolicy, name: str, inputs: list[str]) -> list[str]:
             *taking,
             f"CASE {chosen} OF",
             *(
-                f"    {index}: {title} := {literal(levels[number])};"
+                f"    {index}: {title} := {constant(levels[number])};"
                 for index, levels in enumerate(schema.action_values)
             ),
             "END_CASE;",
