@@ -70,15 +70,19 @@ def behind(name: str, words: Iterable[str]) -> set[str]:
 
 
 def check_identifier(
-    argument: str, value: str, *, reserved: frozenset[str], underscores: str = "underscores"
+    argument: str, value: str, *, reserved: frozenset[str], single: bool = False
 ) -> str:
-    """Return ``value`` if it may name a function, else raise InvalidArgumentError."""
+    """Return ``value`` if it may name a function, else raise InvalidArgumentError.
+
+    ``single`` allows underscores only alone and between others, as structured text does.
+    """
     words = {word.casefold() for word in reserved}
     check_kind(argument, value, str)
-    pattern = r"[A-Za-z](_?[A-Za-z0-9])*" if underscores != "underscores" else r"[A-Za-z]\w*"
+    pattern = r"[A-Za-z](_?[A-Za-z0-9])*" if single else r"[A-Za-z]\w*"
     if not re.fullmatch(pattern, value, re.ASCII) or value.casefold() in words:
         raise InvalidArgumentError(
-            f"{argument} must be an identifier (letters, digits and {underscores}) that is no "
+            f"{argument} must be an identifier (letters, digits and "
+            f"{'single underscores between them' if single else 'underscores'}) that is no "
             f"reserved word, got {value!r}"
         )
     return value

@@ -23,8 +23,8 @@ def to_structured_text(policy: TreePolicy, *, name: str = "decide") -> str:
         policy: Policy to export.
         name: Name of the function.
     """
-    words, between = code.STRUCTURED_TEXT_WORDS, "single underscores between them"
-    code.check_identifier("name", name, reserved=words, underscores=between)
+    words = code.STRUCTURED_TEXT_WORDS
+    code.check_identifier("name", name, reserved=words, single=True)
     schema = policy.schema
     computed = code.exported_features(policy)
     ours = {name, *(f"{name}_{part}" for part in _parts(policy, name))}
