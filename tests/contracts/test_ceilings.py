@@ -44,7 +44,7 @@ def assert_under(figure: int, ceiling: int) -> None:
     assert figure >= ceiling * (1 - SLACK) - 2, f"lower the ceiling of {ceiling} to {figure}"
 
 
-@pytest.mark.parametrize(("package", "ceiling"), [("eutree", 58_890), ("eutree_lab", 10_000)])
+@pytest.mark.parametrize(("package", "ceiling"), [("eutree", 58_875), ("eutree_lab", 10_000)])
 def test_lines_of_source(package: str, ceiling: int) -> None:
     """Targets: 42,000 lines of the core, then 40,000; 10,000 of the lab.
 
@@ -54,8 +54,8 @@ def test_lines_of_source(package: str, ceiling: int) -> None:
     from its environment, and logs in another order than names or policies, were taken as they came;
     and but for 60 of explorers that go where nobody was; and for 160 of frames read by name in
     every room, masks of parts, turns that wait, and angles that a network learns; and for 50 of
-    proofs in which the last of 64 actions, or a number that may be none, was lost; and for 80 of
-    mean returns of episodes that end in a pit, and of exports' names and constants.
+    proofs in which the last of 64 actions, or a number that may be none, was lost; and for 65 of
+    mean returns of episodes that end in a pit, and of names in exports.
     """
     assert_under(lines(files(package)), ceiling)
 

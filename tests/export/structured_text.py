@@ -4,9 +4,7 @@ import re
 from collections.abc import Iterator, Sequence
 
 _COMMENT = re.compile(r"\(\*.*?\*\)", re.DOTALL)
-_TOKEN = re.compile(
-    r"\s*(?:((?:LREAL#)?-?\d+\.\d+(?:E-?\d+)?)|(-?\d+)|([A-Za-z]\w*)|(:=|<=|[:;(),<*]))"
-)
+_TOKEN = re.compile(r"\s*(?:(-?\d+\.\d+(?:E-?\d+)?)|(-?\d+)|([A-Za-z]\w*)|(:=|<=|[:;(),]))")
 
 
 def tokens(source: str) -> Iterator[str]:
@@ -77,23 +75,11 @@ class Program:
             assert self.take().upper() == name
             self.take(":=")
             assert number not in values
-            values[number] = self.number()
+            values[number] = float(self.take())
             self.take(";")
         self.take("END_CASE")
         self.take(";")
         return ("table", ("call", called, arguments), values)
-
-    def number(self) -> float:
-        """Parse a constant, or a product of them in brackets, of which the first has its type."""
-        if not self.next_is("("):
-            return float(self.take())
-        self.take("(")
-        kind, _, first = self.take().partition("#")
-        assert kind == "LREAL"
-        value = float(first)
-        while self.take("*", ")") == "*":
-            value *= float(self.take())
-        return value
 
     def arguments(self) -> list[str]:
         found = []
@@ -116,7 +102,8 @@ class Program:
                 test = None
             else:
                 variable = self.take().upper()
-                test = (variable, self.take("<=", "<"), self.number())
+                self.take("<=")
+                test = (variable, float(self.take()))
                 self.take("THEN")
             branches.append((test, self.statements(name, "ELSIF", "ELSE", "END_IF")))
         self.take(";")
@@ -147,9 +134,6 @@ class Program:
         if statement[0] == "call":
             return self.run(statement[1], [variables[argument] for argument in statement[2]])
         for test, inside in statement[1]:
-            if test is None:
-                return self.execute(inside, variables)
-            name, sign, limit = test
-            if variables[name] <= limit if sign == "<=" else variables[name] < limit:
+            if test is None or variables[test[0]] <= test[1]:
                 return self.execute(inside, variables)
         raise AssertionError("no branch was taken")

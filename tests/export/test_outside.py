@@ -17,29 +17,17 @@ from eutree.export import to_latex, to_structured_text
 from eutree.export.c import probes
 from eutree.policies import TreePolicy
 from eutree.schema import Control, Feature, Schema
-from eutree.trees import DecisionTree
 from tests.export.policies import EVASION, NASTY, policy_of, tree
 from tests.patience import ENOUGH
 
 CONTROLS = (Control("valve", "%", (0.0, 50.0)),)
 BLOCK = Schema((Feature("level"), Feature("integral")), ("shut", "open"), CONTROLS)
 NAMES = Schema(tuple(Feature(name, name) for name in NASTY), tuple(NASTY))
-
-
-def beyond() -> DecisionTree:
-    """Return a tree whose thresholds are no numbers in REAL."""
-    grown = DecisionTree.single_leaf(1).split(0, 0, -5e-324)
-    for threshold in (5e-324, 1e-310, 1e-40, 3.5e38, 1.7e308):
-        grown = grown.split(grown.n_leaves - 1, 0, threshold)
-    return grown.split(0, 0, -1e-40).split(0, 0, -1.7e308)
-
-
 POLICIES = {
     "one leaf": policy_of(tree(1, 3), EVASION),
     "30 leaves": policy_of(tree(30, 3, seed=1), EVASION),
     "200 leaves": policy_of(tree(200, 8, seed=2)),
     "any names": policy_of(tree(40, len(NASTY), seed=3), NAMES),
-    "beyond REAL": policy_of(beyond()),
 }
 each_policy = pytest.mark.parametrize("policy", POLICIES.values(), ids=POLICIES.keys())
 

@@ -30,9 +30,8 @@ from eutree.export._code import (
 )
 from eutree.export.c import function_name, node_boxes, probes
 from eutree.export.drawing import FILLS, layout
-from eutree.export.structured_text import constant, literal
+from eutree.export.structured_text import literal
 from eutree.schema import Control, Feature, Schema
-from eutree.trees import DecisionTree
 from tests.export.policies import EVASION, NASTY, chain, policy_of, tree
 
 
@@ -195,29 +194,6 @@ def test_no_identifier_is_a_function_block_of_controllers():
     names = [*blocks.split(), *blocks.lower().split()]
     found = identifiers(names, reserved=STRUCTURED_TEXT_WORDS)
     assert not {name.casefold() for name in found} & {name.casefold() for name in names}
-
-
-BEYOND = [5e-324, -1e-310, 1e-40, -1e-40, 1.1754943508222e-38, 3.5e38, -1.7976931348623157e308]
-
-
-@given(st.one_of(st.sampled_from(BEYOND), st.floats(allow_nan=False, allow_infinity=False)))
-def test_no_constant_of_structured_text_is_outside_the_range_of_real(value: float) -> None:
-    """matiec reads each as a REAL; their product, of doubles, is exact."""
-    text = constant(value)
-    numbers = [float(one) for one in re.findall(r"-?\d+\.\d+(?:E-?\d+)?", text)]
-    assert all(one == 0.0 or 2.0**-126 <= abs(one) < 2.0**128 for one in numbers)
-    assert text.startswith("(LREAL#") == (len(numbers) > 1)
-    product = numbers[0]
-    for one in numbers[1:]:
-        product *= one
-    assert str(product) == str(value)
-
-
-def test_structured_text_asks_for_less_than_zero_in_so_many_words() -> None:
-    grown = DecisionTree.single_leaf(1).split(0, 0, -5e-324).split(1, 0, 1.0)
-    source = to_structured_text(policy_of(grown))
-    assert "IF x0 < 0.0 THEN" in source
-    assert "ELSIF x0 <= 1.0 THEN" in source
 
 
 def setting(features: list[str], controls: list[str]) -> Schema:

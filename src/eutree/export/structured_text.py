@@ -54,18 +54,6 @@ def literal(value: float) -> str:
     return f"{mantissa}E{int(exponent)}" if exponent else mantissa
 
 
-def constant(value: float) -> str:
-    """Return a finite double as it stands in code: an exact product where it is outside REAL.
-
-    Compilers may read such a constant as a REAL; matiec 9d0e618 does even of ``LREAL#1.0E-40``.
-    """
-    rest, factors = value, ""
-    while rest and not 2.0**-126 <= abs(rest) < 2.0**127:
-        power = 2.0**-126 if abs(rest) < 1.0 else 2.0**126
-        rest, factors = rest / power, f"{factors} * {literal(power)}"
-    return f"(LREAL#{literal(rest)}{factors})" if factors else literal(value)
-
-
 def _parts(policy: TreePolicy, name: str) -> set[str]:
     """Return what our own functions are called behind ``NAME_``, but those of controls."""
     blocks = {f"block{root}" for root in code.block_roots(policy.tree)}
@@ -81,9 +69,7 @@ def _function(policy: TreePolicy, name: str, inputs: list[str], root: int) -> li
     def test(node: int) -> str:
         test = text.asked(schema, tree, node)
         remark = f" (* {test.condition()} *)" if test.feature.is_integer else ""
-        # No double is between the largest below 0 and 0, which every compiler reads.
-        limit = "< 0.0" if test.threshold == -5e-324 else f"<= {constant(test.threshold)}"
-        return f"IF {inputs[test.number]} {limit} THEN{remark}"
+        return f"IF {inputs[test.number]} <= {literal(test.threshold)} THEN{remark}"
 
     def leaf(node: int) -> str:
         if tree.leaf[node] == tree.NO_LEAF:
@@ -119,7 +105,7 @@ def _entry(policy: TreePolicy, name: str, inputs: list[str]) -> list[str]:
         reserved=[*code.STRUCTURED_TEXT_WORDS, name, *inputs, *_OWN],
     )
     last = dict(zip(remembered, kept, strict=True))
-    operators = code.operations(name, constant, "SEL({0}, {2}, {1})", "AND", "OR")
+    operators = code.operations(name, literal, "SEL({0}, {2}, {1})", "AND", "OR")
 
     def begin(j: int) -> list[str]:
         keep = f"    {last.get(j)} := {inputs[j]};"
@@ -161,7 +147,7 @@ def _values(policy: TreePolicy, name: str, inputs: list[str]) -> list[str]:
             *taking,
             f"CASE {chosen} OF",
             *(
-                f"    {index}: {title} := {constant(levels[number])};"
+                f"    {index}: {title} := {literal(levels[number])};"
                 for index, levels in enumerate(schema.action_values)
             ),
             "END_CASE;",
