@@ -23,12 +23,11 @@ def to_structured_text(policy: TreePolicy, *, name: str = "decide") -> str:
         policy: Policy to export.
         name: Name of the function.
     """
-    words = code.STRUCTURED_TEXT_WORDS
-    code.check_identifier("name", name, reserved=words, single=True)
+    code.check_identifier("name", name, reserved=code.STRUCTURED_TEXT_WORDS, single=True)
     schema = policy.schema
     computed = code.exported_features(policy)
     ours = {name, *(f"{name}_{part}" for part in _parts(policy, name))}
-    reserved = words | ours | (_OWN if computed else set())
+    reserved = code.STRUCTURED_TEXT_WORDS | ours | (_OWN if computed else set())
     inputs = code.identifiers(schema.feature_names, reserved=reserved)
     measured = inputs[: policy.derivation.n_measured] if schema.derived else inputs
     lines = [

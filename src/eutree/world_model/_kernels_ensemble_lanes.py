@@ -111,7 +111,7 @@ def write_layer(
             all_sums[j] = b[j]
         for first in range(0, b.size, TILE):
             sums, w, k = all_sums[first : first + TILE], tiles[first * p :], 0
-            # Not ``range`` with a step: then numba does not know that no place is negative.
+            # Not ``range``, whose steps may be negative for what numba knows.
             while k + ROWS <= p:
                 x0, x1, x2, x3 = row[k], row[k + 1], row[k + 2], row[k + 3]
                 x4, x5, x6, x7 = row[k + 4], row[k + 5], row[k + 6], row[k + 7]

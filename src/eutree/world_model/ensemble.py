@@ -152,8 +152,8 @@ class Ensemble:
         """The members as the compiled loops take them, no step taken yet."""
         networks = [_filled_up(network_of(row, *self.size)) for row in self.weights]
         members = Network._make(np.stack(arrays) for arrays in zip(*networks, strict=True))
-        flat = (_tiled(matrix) for matrix in (members.w1, members.w2, members.w3))
-        tiles = members._replace(**dict(zip(("w1", "w2", "w3"), flat, strict=True)))
+        w1, w2, w3 = map(_tiled, (members.w1, members.w2, members.w3))
+        tiles = members._replace(w1=w1, w2=w2, w3=w3)
         formulas = formulas_of(self.derivation)
         return EnsembleWorld(members, tiles, self.scales, formulas, np.zeros(1, dtype=np.int64))
 
