@@ -311,10 +311,16 @@ def _filled_up(network: Network) -> Network:
 
 
 def _tiled(matrices: Float32s) -> Float32s:
-    """Return matrices [M, p, q] flat, of each ``TILE`` columns all rows, shape [M, T p TILE]."""
+    """Return matrices [M, p, q] flat, of each ``TILE`` columns all rows, shape [M, T p TILE].
+
+    They begin at a line of the cache, so that each vector of the loops lies in one line.
+    """
     n, p, q = matrices.shape
     wide = np.pad(matrices, ((0, 0), (0, 0), (0, -q % TILE)))
-    return wide.reshape(n, p, -1, TILE).swapaxes(1, 2).reshape(n, -1)
+    room = np.empty(wide.size + TILE, dtype=np.float32)
+    tiles = room[-room.ctypes.data // 4 % TILE :][: wide.size].reshape(n, -1)
+    tiles[:] = wide.reshape(n, p, -1, TILE).swapaxes(1, 2).reshape(n, -1)
+    return tiles
 
 
 def _inputs(data: Transitions, places: Floats, moves: Floats) -> Floats:
