@@ -236,15 +236,11 @@ def fit_ensemble(
 ) -> Ensemble:
     """Fit a new ensemble to transitions, at least one."""
     empty = Ensemble(
-        settings=settings,
-        scales=scales_of(replace(data, memory=settings.memory)),
-        weights=np.zeros((0, 0), dtype=np.float32),
-        n_actions=data.n_actions,
-        starts=np.zeros((0, 0)),
-        horizon=data.horizon(),
-        returns=(0.0, 0.0),
+        settings=settings, scales=scales_of(replace(data, memory=settings.memory)),
+        weights=np.zeros((0, 0), dtype=np.float32), n_actions=data.n_actions,
+        starts=np.zeros((0, 0)), horizon=data.horizon(), returns=(0.0, 0.0),
         derivation=data.derivation,
-    )
+    )  # fmt: skip
     fresh = (random_network(*empty.size, generator).weights for _ in range(settings.members))
     return empty._fitted(fresh, data, generator, settings.updates, settings.rate, recent=0)
 
@@ -313,14 +309,14 @@ def _filled_up(network: Network) -> Network:
 def _tiled(matrices: Float32s) -> Float32s:
     """Return matrices [M, p, q] flat, of each ``TILE`` columns all rows, shape [M, T p TILE].
 
-    They begin at a line of the cache, so that each vector of the loops lies in one line.
+    They begin at a line of the cache: else many a vector of the loops would lie in two.
     """
     n, p, q = matrices.shape
     wide = np.pad(matrices, ((0, 0), (0, 0), (0, -q % TILE)))
     room = np.empty(wide.size + TILE, dtype=np.float32)
-    tiles = room[-room.ctypes.data // 4 % TILE :][: wide.size].reshape(n, -1)
-    tiles[:] = wide.reshape(n, p, -1, TILE).swapaxes(1, 2).reshape(n, -1)
-    return tiles
+    tiles = room[-room.ctypes.data // 4 % TILE :][: wide.size].reshape(n, -1, p, TILE)
+    tiles[:] = wide.reshape(n, p, -1, TILE).swapaxes(1, 2)
+    return tiles.reshape(n, -1)
 
 
 def _inputs(data: Transitions, places: Floats, moves: Floats) -> Floats:
