@@ -1,5 +1,7 @@
 """Levels, power and known values of the tests of significance."""
 
+import math
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -77,12 +79,24 @@ class TestNaive:
 
     @pytest.mark.promise(17)
     def test_the_asymptotic_p_stays_within_its_stated_bounds(self):
-        """0.08 from 10 tuples per side on, 0.005 where p is small enough to matter (below 0.02)."""
+        """0.08 for most sizes, 0.005 where p is small enough to matter (below 0.02)."""
         for n_left, n_right in [(20, 20), (10, 50), (40, 90)]:
             for k in range(1, n_left):
                 exact = naive_splitting.exact_p(k / n_left, n_left, n_right)
                 bound = 0.08 if exact > 0.02 else 0.005
                 assert naive_p(k / n_left, n_left, n_right) == pytest.approx(exact, abs=bound)
+
+    @pytest.mark.promise(17)
+    def test_the_asymptotic_p_is_worst_for_small_sides_of_nearly_one_size(self):
+        """0.12 and 0.008 from 10 tuples per side on, 0.08 and 0.006 from 20 on."""
+        for n_left in (10, 11, 12, 14, 17, 20, 24):
+            for n_right in (n_left, n_left + 1):
+                bounds = (0.12, 0.008) if n_left < 20 else (0.08, 0.006)
+                steps = math.lcm(n_left, n_right)  # in which the statistic rises
+                for k in range(1, steps, max(steps // 200, 1)):
+                    exact = naive_splitting.exact_p(k / steps, n_left, n_right)
+                    bound = bounds[int(exact < 0.02)]
+                    assert naive_p(k / steps, n_left, n_right) == pytest.approx(exact, abs=bound)
 
     def test_the_limit_law_equals_scipys(self):
         for d in np.linspace(0.01, 1.0, 60):
