@@ -155,6 +155,21 @@ def test_ties_go_to_the_first_attribute_and_the_smallest_threshold() -> None:
     assert np.array_equal(again.threshold, tree.threshold, equal_nan=True)
 
 
+def test_equal_parts_of_cases_are_a_tie_in_any_order() -> None:
+    """Value 2 holds one case and three tenths of three of each class: sums differ in the end."""
+    unknown = np.nan
+    cases = [(unknown, 1)] * 3 + [(2, 1), (2, 0)] + [(unknown, 0)] * 3 + [(0, 0)] * 9 + [(1, 1)] * 9
+    for ordered in (cases, cases[::-1]):
+        rows, classes = np.array(ordered, dtype=float).T
+        for prune in (False, True):
+            settings = C45Settings(prune=prune)
+            tree = grow(
+                rows[:, None], classes.astype(int), n_classes=2, n_values=[3], settings=settings
+            )
+            assert tree.predict([[0.0], [1.0], [2.0]]).tolist() == [0, 1, 0]
+            assert tree.predict([[unknown]]).tolist() == [0]
+
+
 def test_lossless_settings_keep_every_action() -> None:
     rng = np.random.default_rng(5)
     for _ in range(20):

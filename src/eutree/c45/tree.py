@@ -24,6 +24,8 @@ from eutree.trees.edit import TreeBuilder
 from eutree.trees.text import printable
 from eutree.trees.tree import depths
 
+ROUNDING = 1e-10  # of shares that are sums of parts of cases, in any order
+
 
 @dataclass(frozen=True, eq=False)
 class C45Tree(Frozen):
@@ -111,7 +113,7 @@ class C45Tree(Frozen):
     @cached_property
     def label(self) -> Integers:
         """Most frequent class of each node, shape [M]; the lowest index wins ties."""
-        return frozen(self.probability.argmax(axis=1).astype(np.int64))
+        return frozen(_most_probable(self.probability))
 
     def children(self, node: int) -> range:
         """Return the children of a node; an empty range for a leaf."""
@@ -148,7 +150,7 @@ class C45Tree(Frozen):
         rows, leaf, fractional = self._routed(observations)
         found = self.label[leaf]
         if fractional.size:
-            found[fractional] = self._shared_out(rows, fractional)[0].argmax(axis=1)
+            found[fractional] = _most_probable(self._shared_out(rows, fractional)[0])
         return found
 
     def predict_proba(self, observations: ArrayLike) -> Floats:
@@ -203,6 +205,11 @@ class C45Tree(Frozen):
                 below = _branches(self, part[0][1]) if len(part) == 1 else (feature, part)
                 work.append((below, at, half))
         return built.build()
+
+
+def _most_probable(shares: Floats) -> Integers:
+    """Return the first class of the largest share of each row [., A]; rounding parts no equals."""
+    return np.argmax(shares >= shares.max(axis=1, keepdims=True) - ROUNDING, axis=1)
 
 
 def _branches(known: C45Tree, node: int) -> tuple[int, list[tuple[float, int]]]:
