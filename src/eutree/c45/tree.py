@@ -209,7 +209,8 @@ class C45Tree(Frozen):
 
 def _most_probable(shares: Floats) -> Integers:
     """Return the first class of the largest share of each row [., A]; rounding parts no equals."""
-    return np.argmax(shares >= shares.max(axis=1, keepdims=True) - ROUNDING, axis=1)
+    most = shares >= shares.max(axis=1, keepdims=True) - ROUNDING
+    return most.argmax(axis=1).astype(np.int64)
 
 
 def _branches(known: C45Tree, node: int) -> tuple[int, list[tuple[float, int]]]:
