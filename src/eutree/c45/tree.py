@@ -209,8 +209,8 @@ class C45Tree(Frozen):
 
 def _most_probable(shares: Floats) -> Integers:
     """Return the first class of the largest share of each row [., A]; rounding parts no equals."""
-    most = shares >= shares.max(axis=1, keepdims=True) - ROUNDING
-    return most.argmax(axis=1).astype(np.int64)
+    first: Integers = (shares >= shares.max(axis=1, keepdims=True) - ROUNDING).argmax(axis=1)
+    return first
 
 
 def _branches(known: C45Tree, node: int) -> tuple[int, list[tuple[float, int]]]:
