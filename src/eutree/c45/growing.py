@@ -75,13 +75,9 @@ class C45Settings:
     def lossless(cls) -> "C45Settings":
         """Return the settings under which distinct observations keep their actions exactly."""
         return replace(
-            cls.unpruned(),
-            min_objects=0,
-            collapse=False,
-            use_min_split=False,
-            use_penalty=False,
+            cls.unpruned(), min_objects=0, collapse=False, use_min_split=False, use_penalty=False,
             require_gain=False,
-        )
+        )  # fmt: skip
 
     @classmethod
     def unpruned(cls) -> "C45Settings":
