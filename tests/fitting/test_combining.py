@@ -1,5 +1,7 @@
 """Proposed derived features: where they shorten the tree or decide better, and nowhere else."""
 
+from dataclasses import replace
+
 import gymnasium
 import numpy as np
 import pytest
@@ -8,7 +10,7 @@ import eutree
 from eutree.c45 import C45Settings
 from eutree.data import Demonstrations, Episode
 from eutree.data.demonstrations import teaching
-from eutree.data.episode import CUT
+from eutree.data.episode import ALLOWED, CUT
 from eutree.errors import UnknownNameError
 from eutree.fitting.combining import confirm, propose
 from eutree.fitting.report import Proposal
@@ -116,6 +118,34 @@ def test_what_was_cut_teaches_nothing():
     taught[:600] = CUT
     (proposal,) = propose(teaching(demonstrations, taught), RELEASE_8)
     assert proposal.declaration == "left minus right = left - right"
+
+
+def masked(demonstrations, share):
+    """Return demonstrations in which the action taken was masked at a share of the steps."""
+    generator, schema = np.random.default_rng(1), Schema(LENGTHS, ("stop", "go", "wait"))
+    episodes = []
+    for one in demonstrations.episodes:
+        allowed = np.ones((len(one), 3), dtype=bool)
+        steps = np.flatnonzero(generator.random(len(one)) < share)
+        allowed[steps, one.actions[steps]] = False
+        taken = np.where(allowed[np.arange(len(one)), one.actions], one.actions, 2)
+        episodes.append(replace(one, actions=taken, steps={ALLOWED: allowed}))
+    return Demonstrations(tuple(episodes), schema)
+
+
+def test_shares_left_out_are_of_decisions_under_masks():
+    """Where the mask decided, the tree was charged with the action that it forbids."""
+    demonstrations = masked(shown(lambda x, _: x[0] > x[1] + 1.0), 0.3)
+    (proposal,) = propose(demonstrations, RELEASE_8)
+    assert proposal.declaration == "left minus right = left - right"
+    assert proposal.agreement[1] > 0.97
+    report = eutree.fit(demonstrations, episodes=0, derive="auto")
+    assert report.training_accuracy > 0.97
+
+
+def test_masks_that_allow_all_change_nothing():
+    demonstrations = shown(lambda x, _: x[0] > x[1] + 1.0, noise=0.2)
+    assert propose(masked(demonstrations, 0.0), RELEASE_8) == propose(demonstrations, RELEASE_8)
 
 
 def test_names_with_other_signs_are_quoted():

@@ -24,13 +24,14 @@ from eutree.c45 import C45Settings, best_reductions, grow
 from eutree.contests import SmallestWithin
 from eutree.data import Demonstrations, derive
 from eutree.data.demonstrations import taught_in, weights_in
-from eutree.data.episode import CUT
+from eutree.data.episode import CUT, allowed_in
 from eutree.fitting.playing import Player, Progress, contest
 from eutree.fitting.report import CLEARLY_SHORTER, Proposal
 from eutree.formulas import in_formula, parse
 from eutree.interaction.deriving import acting_as
 from eutree.learners import fit_expert_tree
-from eutree.learners.starts import FOLDS
+from eutree.learners.starts import FOLDS, under_masks
+from eutree.policies import TreePolicy
 from eutree.schema import Schema
 from eutree.trees import DecisionTree
 
@@ -56,6 +57,7 @@ class _Rows:
     last: Floats  # [N, d]; the features at the step before; at an episode's first step its own
     part: Integers  # [N]; the episode, or its substitute, that is left out as a whole
     n_classes: int
+    allowed: Booleans | None  # [N, A]; None where no action was masked
 
     def with_column(self, column: Floats) -> "_Rows":
         return replace(self, columns=np.column_stack([self.columns, column]))
@@ -69,6 +71,17 @@ class _Rows:
             weights=self.weights[rows],
             settings=settings,
         ).to_decision_tree()
+
+    def decisions(self, rows: Booleans, settings: C45Settings) -> tuple[int, Integers]:
+        """Return the leaves of C4.5's tree of some rows, and what it decides in the others."""
+        tree, actions = self.tree(rows, settings)
+        others = self.columns[~rows]
+        if self.allowed is None:
+            return tree.n_leaves, actions[tree.leaf_index(others)]
+        policy = TreePolicy(tree, actions, Schema.anonymous(tree.n_features, self.n_classes))
+        seen = self.columns[rows]
+        policy = under_masks(policy, (seen, self.labels[rows]), seen, self.allowed[rows])
+        return tree.n_leaves, policy.decide(others, self.allowed[~rows])
 
     def reductions(self, rows: Booleans, columns: Floats) -> Floats:
         """Return by how many bits the best test of each of other columns tells actions apart."""
@@ -170,7 +183,7 @@ def _rows(demonstrations: Demonstrations) -> _Rows | None:
 
     Of fewer episodes than folds each fold is a part of all steps.
     """
-    taught = taught_in(demonstrations)
+    taught, allowed = taught_in(demonstrations), allowed_in(demonstrations)
     lengths = np.array([len(episode) for episode in demonstrations], dtype=np.int64)
     episode = np.repeat(np.arange(lengths.size), lengths)
     used = np.flatnonzero(taught != CUT)[:MOST_STEPS]
@@ -185,6 +198,7 @@ def _rows(demonstrations: Demonstrations) -> _Rows | None:
         last=seen[before],
         part=parts if parts[-1] >= FOLDS - 1 else np.arange(used.size) * FOLDS // used.size,
         n_classes=demonstrations.schema.n_actions,
+        allowed=None if allowed is None else allowed[used],
     )
 
 
@@ -193,9 +207,8 @@ def _tried(rows: _Rows, settings: C45Settings) -> _Trial:
     leaves, right = np.zeros(FOLDS, dtype=np.int64), np.zeros(len(rows.labels))
     for fold in range(FOLDS):
         left_out = rows.part % FOLDS == fold
-        tree, actions = rows.tree(~left_out, settings)
-        leaves[fold] = tree.n_leaves
-        right[left_out] = actions[tree.leaf_index(rows.columns[left_out])] == rows.labels[left_out]
+        leaves[fold], decided = rows.decisions(~left_out, settings)
+        right[left_out] = decided == rows.labels[left_out]
     return _Trial(leaves, np.bincount(rows.part, right) / np.bincount(rows.part))
 
 

@@ -16,7 +16,7 @@ from typing import get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from eutree.arrays import Floats, Integers
+from eutree.arrays import Booleans, Floats, Integers
 from eutree.c45 import C45Settings, grow, warn_of_light
 from eutree.data import Demonstrations, Episode
 from eutree.data.demonstrations import check_shown, lesson_masks, lessons, taught_in, weights_in
@@ -72,15 +72,31 @@ def fit_expert_tree(
     allowed = allowed_in(demonstrations)
     if allowed is None:
         return policy
-    policy = as_shown(replace(policy, masked=True), demonstrations)
-    return among_allowed(policy, demonstrations.observations, allowed)
+    shown = observations, actions_taught
+    return under_masks(policy, shown, demonstrations.observations, allowed)
+
+
+def under_masks(
+    policy: TreePolicy, shown: tuple[Floats, Integers], observations: Floats, allowed: Booleans
+) -> TreePolicy:
+    """Return a policy whose leaves fall back on what was shown in them where theirs is masked.
+
+    Shown were actions [n] at observations [n, d]; ``allowed`` were those [N, A] at ``observations``.
+    """
+    policy = _falling_back(policy, _counts(policy, *shown))
+    return among_allowed(policy, observations, allowed)
 
 
 def shown_in(policy: TreePolicy, demonstrations: Demonstrations, *, free: bool = False) -> Integers:
     """Return how often each action was shown in each leaf, or where its own was free, [L, A]."""
     known = demonstrations.with_history(policy.history)
-    observations, actions = lessons(known)
-    leaves, masks = policy.tree.leaf_index(observations), lesson_masks(known) if free else None
+    return _counts(policy, *lessons(known), lesson_masks(known) if free else None)
+
+
+def _counts(
+    policy: TreePolicy, observations: Floats, actions: Integers, masks: Booleans | None = None
+) -> Integers:
+    leaves = policy.tree.leaf_index(observations)
     counts = np.zeros((policy.n_leaves, policy.schema.n_actions), dtype=np.int64)
     times = 1 if masks is None else masks[np.arange(leaves.size), policy.actions[leaves]]
     np.add.at(counts, (leaves, actions), times)
@@ -91,7 +107,10 @@ def as_shown(policy: TreePolicy, demonstrations: Demonstrations) -> TreePolicy:
     """Return the policy; where actions are masked, a leaf falls back on those shown in it."""
     if not policy.masked:
         return policy
-    visits = shown_in(policy, demonstrations)
+    return _falling_back(policy, shown_in(policy, demonstrations))
+
+
+def _falling_back(policy: TreePolicy, visits: Integers) -> TreePolicy:
     unknown = np.full(visits.shape, np.nan)
     return replace(policy, leaves=LeafStatistics(visits, unknown, unknown))
 
