@@ -429,3 +429,18 @@ def test_demonstrations_of_another_task_are_refused(folder, recorded, tmp_path, 
         assert "got CartPole-v1 (4, 2)" in said
     with pytest.raises(InvalidArgumentError, match="demonstrations must be Demonstrations"):
         eutree.why(eutree.fit_expert_tree(recorded), [0.0, 1.0, 2.0], demonstrations=3)
+
+
+def test_columns_by_place_have_the_units_of_an_environment_but_names_may_rename(ask, tmp_path):
+    """The angle of a pole was taken for the position of the cart, since it came first."""
+    log, demos = tmp_path / "log.csv", tmp_path / "demos"
+    log.write_text(
+        "episode,action,pole [rad],cart [m],v [m/s],w [rad/s]\n0,0,1,2,3,4\n0,1,1,2,3,4\n"
+    )
+    told = ask("import", log, "--env", "CartPole-v1", "--out", demos, code=2)
+    assert "line 1: pole must be in m where position is expected, got a column in rad; if" in told
+    names = {"features": ["Winkel [°]", "Ort [cm]", "v", "w"]}
+    (tmp_path / "names.json").write_text(json.dumps(names))
+    ask("import", log, "--names", tmp_path / "names.json", "--out", demos)
+    features = eutree.data.Demonstrations.load(demos).schema.features
+    assert [one.unit for one in features[:2]] == ["°", "cm"]

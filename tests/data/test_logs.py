@@ -352,7 +352,7 @@ def test_columns_are_those_of_the_features_in_whatever_order(tmp_path):
     demos = table(tmp_path, *rows, schema=TASK)
     assert demos.episodes[0].observations.tolist() == [[2.0, 3.0, 1.0], [5.0, 6.0, 4.0]]
     assert demos.episodes[0].actions.tolist() == [1]
-    named = table(tmp_path, "episode,action,a,b,c", "0,go,1,2,3", "0,,4,5,6", schema=TASK)
+    named = table(tmp_path, "episode,action,a [m],b,c [kg]", "0,go,1,2,3", "0,,4,5,6", schema=TASK)
     assert named.episodes[0].observations[0].tolist() == [1.0, 2.0, 3.0]
 
 
@@ -361,6 +361,12 @@ def test_columns_are_those_of_the_features_in_whatever_order(tmp_path):
     [
         ("action,x,b,c", "go,1,2,3", "columns must have the names of the features, level, speed"),
         ("action,level [km],b,c", "go,1,2,3", "level must be in m, got a column in km"),
+        (
+            "action,height [cm],b,c",
+            "go,1,2,3",
+            "height must be in m where level is expected, got a column in cm; if it is that, name "
+            "it 'level [m]'",
+        ),
         ("action,a,b", "go,1,2", "expected 3 features, got columns"),
         ("action,action_name,a,b,c", "0,go,1,2,3", "0 must mean 'stop', got 'go'"),
     ],

@@ -338,7 +338,7 @@ def _as_named(schema: Schema, names: Names | None) -> Schema:
     features, actions = schema.measured.features, schema.actions
     if names.features:
         named = Schema(tuple(map(Feature.from_label, names.features)), actions)
-        features = tuple(features[k] for k in order_of(features, named))
+        features = tuple(features[k] for k in order_of(features, named, renames=True))
     if sorted(names.actions) == sorted(actions) and not schema.controls:
         actions = names.actions
     return replace(schema, features=(*features, *schema.derived), actions=actions)

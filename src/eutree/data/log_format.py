@@ -225,8 +225,11 @@ def _has_form(text: str, form: str) -> bool:
     return True
 
 
-def order_of(found: Sequence[Feature], schema: Schema) -> list[int]:
-    """Return which of the features that were found each of a schema is: by name, or by place."""
+def order_of(found: Sequence[Feature], schema: Schema, *, renames: bool = False) -> list[int]:
+    """Return which of the features that were found each of a schema is: by name, or by place.
+
+    One that is taken by its place has the schema's unit, if both have one, unless that ``renames``.
+    """
     names, wanted = [feature.name for feature in found], list(schema.feature_names)
     if len(names) != len(wanted):
         raise InvalidArgumentError(f"expected {len(wanted)} features, got columns {names}")
@@ -237,8 +240,11 @@ def order_of(found: Sequence[Feature], schema: Schema) -> list[int]:
             f"got {', '.join(names)}"
         )
     for feature, other in zip(schema.features, (found[k] for k in order), strict=True):
-        if other.name == feature.name and other.unit and feature.unit not in ("", other.unit):
+        is_same = other.name == feature.name
+        if (is_same or not renames) and other.unit and feature.unit not in ("", other.unit):
+            here = "" if is_same else f" where {feature.name} is expected"
+            helps = "" if is_same else f"; if it is that, name it '{column_of(feature)}'"
             raise InvalidArgumentError(
-                f"{other.name} must be in {feature.unit}, got a column in {other.unit}"
+                f"{other.name} must be in {feature.unit}{here}, got a column in {other.unit}{helps}"
             )
     return order

@@ -81,7 +81,8 @@ def under_masks(
 ) -> TreePolicy:
     """Return a policy whose leaves fall back on what was shown in them where theirs is masked.
 
-    Shown were actions [n] at observations [n, d]; ``allowed`` were those [N, A] at ``observations``.
+    Shown were, at observations [n, d], actions [n]; ``allowed`` [N, A] were those left at
+    ``observations`` [N, d].
     """
     policy = _falling_back(policy, _counts(policy, *shown))
     return among_allowed(policy, observations, allowed)
