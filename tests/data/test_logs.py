@@ -172,6 +172,18 @@ def test_an_action_that_a_machine_did_not_write_is_none(tmp_path, cell):
     assert read(path, **changes, actions=("null", "halb")).actions.tolist() == [0, 1]
 
 
+@pytest.mark.parametrize("first", ["NA", "up", "4"])
+def test_a_cell_means_the_same_in_every_row(tmp_path, first):
+    """``NA`` was nothing in the first rows and an action once another name was known."""
+    path = tmp_path / "log.csv"
+    rows = f"1,{first}", "2,NA", "3,left", "4,NA", "5,4", "6,left"
+    path.write_text("\n".join(("a,action", *rows)))
+    log = LogFormat(one_episode=True, missing="hold")
+    demos = Demonstrations.from_csv(path, log=log)
+    taken = [demos.schema.actions[action] for action in demos.actions]
+    assert taken == [first, "NA", "left", "NA", "4"]
+
+
 def test_names_of_actions_are_told_apart_by_more_than_a_blank(tmp_path):
     path = tmp_path / "log.csv"
     path.write_text("t,x,pump\n0,1,low\n1,2,low \n2,3, off\n3,4,off\n")
@@ -217,6 +229,14 @@ def test_what_separates_the_values_is_seen(tmp_path, mark):
     path = tmp_path / "log.csv"
     path.write_text("episode,action,x\n0,0,1\n0,,2\n".replace(",", mark))
     assert Demonstrations.from_csv(path).observations.tolist() == [[1.0]]
+
+
+def test_marks_in_quotes_separate_nothing(tmp_path):
+    """Its commas were the most, and the error did not say so."""
+    path = tmp_path / "log.csv"
+    path.write_text('"speed, m/s";"level, m";action\n1;2;a\n3;4;b\n')
+    demos = Demonstrations.from_csv(path, log=LogFormat(one_episode=True))
+    assert demos.schema.feature_names == ("speed, m/s", "level, m")
 
 
 @pytest.mark.parametrize(

@@ -18,6 +18,7 @@ import re
 from array import array
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -54,6 +55,7 @@ MAX_CATEGORIES = 100  # of one column: each is a feature
 _DELIMITERS = ",;\t|"
 _DECIMAL_COMMA = re.compile(r"\s*[-+]?\d+,\d+(?:[eE][-+]?\d+)?\s*")
 _FLOAT_INDEX = re.compile(r"[0-9]{1,5}\.0")  # as pandas writes it in a column with empty cells
+_QUOTED = re.compile(r'"[^"]*(?:"|$)')
 _SEED = re.compile(r"[0-9]{1,99}")
 _FACTS = ("seed", "ending", "is_success", "kept")  # of an episode, whichever of its rows says so
 
@@ -87,11 +89,11 @@ def read_csv(
         reader: Any = None
         try:
             if delimiter is None:  # the mark that divides the first line into most parts
-                delimiter = max(_DELIMITERS, key=text.readline().count)
+                delimiter = max(_DELIMITERS, key=_QUOTED.sub("", text.readline()).count)
                 text.seek(0)
             reader = csv.reader(text, strict=True, delimiter=delimiter)
             with blamed(path, "line 1"):
-                table = _Table(log.columns_of(next(reader, []), columns), delimiter, log)
+                table = _Table(log.columns_of(next(reader, []), columns), delimiter, log, path)
             for values in reader:
                 if values:  # else it is an empty line
                     table.add(values, reader.line_num)
@@ -101,7 +103,7 @@ def read_csv(
             raise FormatError(path, f"line {reader.line_num}", str(error)) from None
         except UnicodeDecodeError:
             raise FormatError(path, *_no_text(path)) from None
-    return *table.read(path, schema), table.filled, table.left_out
+    return *table.read(schema), table.filled, table.left_out
 
 
 def _no_text(path: str | Path) -> tuple[str, str]:
@@ -140,9 +142,12 @@ class _Table:
     A fault of a row is an InvalidArgumentError; ``line`` is its place.
     """
 
-    def __init__(self, columns: list[str], delimiter: str, log: LogFormat) -> None:
+    def __init__(
+        self, columns: list[str], delimiter: str, log: LogFormat, path: str | Path
+    ) -> None:
         apart = {*MASKED, log.time, ""}  # without a name: numbers of rows, and what was dropped
-        self._columns, self._log, self._has_comma = columns, log, delimiter != ","
+        self._columns, self._log, self._path = columns, log, path
+        self._delimiter, self._has_comma = delimiter, delimiter != ","
         self._features = [column for column in columns if column not in apart]
         if not self._features:
             raise InvalidArgumentError(f"there is no column of a feature in {columns}")
@@ -275,10 +280,26 @@ class _Table:
         text = text.strip()
         if text in self._codes or text in self._log.actions:
             return text
-        if is_nothing(text) and all(map(is_quantity, self._codes)):
+        if text and is_nothing(text) and self._has_quantities:
             return ""
+        return self._with_point(text)
+
+    def _with_point(self, text: str) -> str:
         is_decimal = self._has_comma and _DECIMAL_COMMA.fullmatch(text)
         return text.replace(",", ".") if is_decimal else text
+
+    @cached_property
+    def _has_quantities(self) -> bool:
+        """Whether all actions of the table are numbers, those apart that say nothing.
+
+        A row alone does not tell whether its ``NA`` is a name.
+        """
+        at = self._columns.index("action")
+        with opened_text(self._path, limit=MAX_CSV) as text:
+            rows = csv.reader(text, delimiter=self._delimiter)
+            next(rows)
+            cells = (self._with_point(row[at].strip()) for row in rows if len(row) > at)
+            return all(is_nothing(cell) or is_quantity(cell) for cell in cells)
 
     def _code(self, text: str) -> int:
         code = self._codes.setdefault(text, len(self._codes))
@@ -329,8 +350,9 @@ class _Table:
         helps = "" if known else hint(text, column)
         raise InvalidArgumentError(f"{column} must be a finite number{more}, got {text!r}{helps}")
 
-    def read(self, path: str | Path, schema: Schema | None) -> tuple[tuple[Episode, ...], Schema]:
+    def read(self, schema: Schema | None) -> tuple[tuple[Episode, ...], Schema]:
         """Return the episodes and their schema, which is made of the table if it is not given."""
+        path = self._path
         with blamed(path):
             features = tuple(self._made_features())
         self._take_indices(schema)
