@@ -10,6 +10,7 @@ from hypothesis import given, settings
 
 from eutree.data import Demonstrations, Episode
 from eutree.data.episode import allowed_in
+from eutree.data.log_format import LogFormat
 from eutree.errors import FileError, FormatError, InvalidArgumentError
 from eutree.interaction import describe
 from eutree.schema import EnvironmentSpec, Schema
@@ -213,6 +214,32 @@ def test_a_log_says_which_actions_were_allowed(tmp_path):
     path.write_text("episode,action,allowed,x\n0,1,0 3,1\n0,,,2\n")
     with pytest.raises(FormatError, match="line 2: allowed must have the action taken, '1': '0 3'"):
         Demonstrations.from_csv(path)
+
+
+@pytest.mark.parametrize(
+    ("actions", "names"),
+    [(("x", "y", "z"), ("x", "y", "z")), ((), ("action_0", "action_1", "action_2"))],
+)
+def test_masks_of_indices_are_read_as_pandas_writes_them(tmp_path, actions, names):
+    """The last row has no action, so a column of integers became floats, and was refused."""
+    path, log = tmp_path / "log.csv", LogFormat(actions=actions)
+    path.write_text("episode,a,action,allowed\n0,1.0,0.0,0 1\n0,2.0,2.0,\n0,3.0,,\n")
+    demos = Demonstrations.from_csv(path, log=log)
+    assert demos.schema.actions == names
+    assert demos.actions.tolist() == [0, 2]
+    assert demos.episodes[0].allowed.tolist() == [[True, True, False], [True] * 3]
+    path.write_text("episode,a,action,allowed\n0,1,1.0,0.0\n0,2,2.0,\n0,3,,\n")
+    with pytest.raises(FormatError, match=r"line 2: allowed must have the action taken, '1\.0'"):
+        Demonstrations.from_csv(path, log=log)
+
+
+def test_masks_of_quantities_are_read_as_pandas_writes_them(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("episode,a,action,allowed\n0,1,0.0,0 40\n0,2,1500.0,1500\n0,3,,NaN\n")
+    demos = Demonstrations.from_csv(path)
+    assert demos.schema.actions == ("0", "40", "1500")
+    assert demos.actions.tolist() == [0, 2]
+    assert demos.episodes[0].allowed.tolist() == [[True, True, False], [False, False, True]]
 
 
 @pytest.mark.parametrize(

@@ -156,6 +156,7 @@ class _Table:
         self._codes: dict[str, int] = {}  # of the texts in the column action
         self._names: dict[str, str] = {}  # their names by action_name
         self._masks: dict[tuple[int, ...], int] = {}  # numbers of the sets of codes in allowed
+        self._taken: dict[tuple[int, int], tuple[int, str, str]] = {}  # under each mask; and where
         self._categories: dict[str, dict[str, int]] = {name: {} for name in log.nominal}
         self._numbers = [column for column in self._features if column not in log.nominal]
         self._groups: list[_EpisodeRows] = []
@@ -308,15 +309,13 @@ class _Table:
         return code
 
     def _mask(self, action: str, cell: str) -> int:
-        """Return the number of the set of actions that a cell allows, the one taken among them."""
+        """Return the number of the set of actions that a cell allows."""
         is_one = cell in self._codes or "|" in cell  # a name, or names, perhaps with blanks
         texts = cell.split("|") if is_one else cell.split()
-        codes = {self._code(self._action_text(text)) for text in texts}
-        if codes and self._codes[action] not in codes:
-            raise InvalidArgumentError(
-                f"{ALLOWED} must have the action taken, {action!r}: {cell!r}"
-            )
-        return self._masks.setdefault(tuple(sorted(codes)), len(self._masks))
+        codes = {self._code(text) for text in map(self._action_text, texts) if text}
+        mask = self._masks.setdefault(tuple(sorted(codes)), len(self._masks))
+        self._taken.setdefault((mask, self._codes[action]), (self.line, action, cell))
+        return mask
 
     def _value(self, row: dict[str, str], column: str) -> float:
         """Return the number in a cell, that of its category where it is text."""
@@ -355,41 +354,52 @@ class _Table:
         path = self._path
         with blamed(path):
             features = tuple(self._made_features())
-        self._take_indices(schema)
+        texts = self._texts(schema)
         if schema is None:
             with blamed(path, "action"):
-                actions = self._made_actions()
+                actions = self._made_actions(texts)
             with blamed(path):
                 schema = Schema(features, actions)
         else:
             with blamed(path, "line 1"):
                 self._order = order_of(features, schema)
-        by_name = bool(self._log.actions) or are_quantities(self._codes, self._names)
+        by_name = bool(self._log.actions) or are_quantities({*texts}, self._names)
         with blamed(path, "action"):
-            numbers = [self._action(text, schema, by_name) for text in self._codes]
+            numbers = [self._action(text, schema, by_name) for text in texts]
             for text, name in self._names.items():
-                meant = schema.actions[numbers[self._codes[text]]]
+                meant = schema.actions[numbers[texts.index(text)]]
                 if name in schema.actions and name != meant:
                     raise InvalidArgumentError(f"{text} must mean {meant!r}, got {name!r}")
         numbers_of_codes = np.array(numbers, dtype=np.int64)
         masks = np.zeros((len(self._masks), schema.n_actions), dtype=np.bool_)
         for mask, codes in zip(masks, self._masks, strict=True):
             mask[numbers_of_codes[list(codes)] if codes else slice(None)] = True
+        for (number, code), (line, action, cell) in self._taken.items():
+            if not masks[number, numbers[code]]:
+                said = f"{ALLOWED} must have the action taken, {action!r}: {cell!r}"
+                raise FormatError(path, f"line {line}", said)
         episodes = []
         for group in self._groups:
             with blamed(path, f"line {group.last_line}"):
                 episodes.append(self._episode(group, numbers_of_codes, masks))
         return tuple(episodes), schema
 
-    def _take_indices(self, schema: Schema | None) -> None:
-        """Take actions 1.0 for indices, where they have names and set no levels."""
+    def _texts(self, schema: Schema | None) -> list[str]:
+        """Return the texts of the actions by their codes; of 1.0 that is an index only 1.
+
+        It is one where it has a name, or stands under masks of 0, 1 and 2, and sets no levels.
+        """
         known = {*self._log.actions}
         if schema is not None:
             known = {*schema.actions, *(str(n) for one in schema.controls for n in one.levels)}
-        are_floats = all(map(_FLOAT_INDEX.fullmatch, self._codes))
-        if are_floats and (known or self._names) and not known >= self._codes.keys():
-            self._codes = {text[:-2]: code for text, code in self._codes.items()}
-            self._names = {text[:-2]: name for text, name in self._names.items()}
+        floats = set(filter(_FLOAT_INDEX.fullmatch, self._codes))
+        others = self._codes.keys() - floats
+        may_be = self._masks if others else known or self._names
+        if not may_be or known >= floats or not all(map(INDEX.fullmatch, others)):
+            return list(self._codes)
+        short = {text: text[:-2] for text in floats}
+        self._names = {short.get(text, text): name for text, name in self._names.items()}
+        return [short.get(text, text) for text in self._codes]
 
     def _made_features(self) -> Iterator[Feature]:
         """Yield the features, one for each category of a nominal column of more than two."""
@@ -403,12 +413,11 @@ class _Table:
             else:
                 yield Feature(column, "", 0.0, len(categories) - 1.0, True, categories)
 
-    def _made_actions(self) -> tuple[str, ...]:
+    def _made_actions(self, texts: Sequence[str]) -> tuple[str, ...]:
         """Return the names of the actions, as far as the table tells them."""
-        texts = tuple(self._codes)
         if self._log.actions:
             return self._log.actions
-        if are_quantities(self._codes, self._names):
+        if are_quantities({*texts}, self._names):
             return tuple({float(text): text for text in sorted(texts, key=float)}.values())
         if all(map(str.isdecimal, texts)):
             large = [text for text in texts if not INDEX.fullmatch(text) or int(text) >= MAX_NAMES]
