@@ -196,6 +196,9 @@ GOOD = [[1.0], [2.0]]
         ({"X": GOOD, "nominal_features": ["size"]}, "unknown column"),
         ({"X": GOOD, "nominal_features": [True, True]}, "1 entries as a mask, got 2"),
         ({"X": GOOD, "nominal_features": "all"}, "'auto', None"),
+        ({"X": GOOD, "nominal_features": True}, "'auto', None, .* or a mask, got True"),
+        ({"X": GOOD, "nominal_features": 0}, "'auto', None, .* or a mask, got 0"),
+        ({"X": GOOD, "nominal_features": 3.5}, r"'auto', None, .* or a mask, got 3\.5"),
     ],
 )
 def test_bad_training_input_is_a_value_error(arguments: dict[str, object], message: str) -> None:
@@ -407,6 +410,21 @@ def test_texts_in_a_table_of_pyarrow_are_named() -> None:
         C45Classifier().fit(table, [0, 1])
     with pytest.raises(UnknownNameError, match=r"Known: outlook, warm"):
         C45Classifier(nominal_features=["wind"]).fit(table, [0, 1])
+
+
+def test_texts_beside_categories_are_named_too() -> None:
+    """Beside a column of categories the message had a number for the column, and no advice."""
+    table = Table(
+        [["a", "p", 1.0], ["b", "q", 2.0]], ["c", "s", "x"], ["dictionary"] + ["string"] * 2
+    )
+    wanted = r"column 's' must hold numbers; for .* say nominal_features=\['c', 's'\], or .*: could"
+    with pytest.raises(InvalidArgumentError, match=wanted):
+        C45Classifier().fit(table, [0, 1])
+    model = C45Classifier(nominal_features=["c", "s"]).fit(table, [0, 1])
+    with pytest.raises(InvalidArgumentError, match=r"unknown categories \['r'\] in column 's'"):
+        model.predict(Table([["a", "r", 1.0]], ["c", "s", "x"], ["string"] * 3))
+    with pytest.raises(InvalidArgumentError, match=r"say nominal_features=\[0, 1\], or"):
+        fit([["a", "p"], ["b", "q"]], nominal_features=[0])
 
 
 def test_categories_of_polars_and_pyarrow() -> None:

@@ -33,13 +33,13 @@ def nominal_mask(table: Any, nominal: Any) -> Booleans:
     types = _types(table)
     if nominal is None or (isinstance(nominal, str) and nominal == "auto" and not types):
         return np.zeros(0, dtype=bool)
-    if isinstance(nominal, str):
-        if nominal != "auto":
-            raise InvalidArgumentError(
-                "nominal_features must be 'auto', None, indices, column names or a mask, "
-                f"got {nominal!r}"
-            )
+    if isinstance(nominal, str) and nominal == "auto":
         return np.array([str(one).startswith(CATEGORIES) for one in types], dtype=np.bool_)
+    if isinstance(nominal, str) or not np.iterable(nominal):
+        raise InvalidArgumentError(
+            "nominal_features must be 'auto', None, indices, column names or a mask, "
+            f"got {nominal!r}"
+        )
     shape = np.shape(table)
     _check_2d(shape)
     return _chosen(list(nominal), shape[1], list(map(str, columns_of(table))))
@@ -50,20 +50,31 @@ def _check_2d(shape: Sequence[int]) -> None:
         raise InvalidArgumentError(f"X must have shape (N, d) and be 2D, got shape {shape}")
 
 
-def text_columns(table: Any, nominal: Booleans) -> list[str] | list[int]:
-    """Return the columns that would be nominal if all that hold strings were, and those that are.
+def _no_numbers(what: str, table: Any, nominal: Booleans, error: Exception) -> InvalidArgumentError:
+    """Return the error that ``what`` must hold numbers; of strings it says what helps.
 
-    They are named in a data frame, else numbered. ``nominal`` is a mask, shape [d], or empty.
+    Columns are named in a data frame, else numbered. ``nominal`` is a mask, shape [d], or empty.
     """
-    rows = np.asarray(table, dtype=object)
-    _check_2d(rows.shape)
-    wanted = [
-        column
-        for column in range(rows.shape[1])
-        if (nominal.size and nominal[column]) or any(_is_text(v) for v in rows[:, column])
-    ]
-    names = list(map(str, columns_of(table)))
-    return [names[k] for k in wanted] if names else wanted
+    helps = ""
+    if "could not convert string" in str(error):
+        rows = np.asarray(table, dtype=object)
+        _check_2d(rows.shape)
+        wanted = [
+            _called(table, column)
+            for column in range(rows.shape[1])
+            if (nominal.size and nominal[column]) or any(_is_text(v) for v in rows[:, column])
+        ]
+        helps = (
+            "; for the columns of strings say "
+            f"nominal_features={wanted!r}, or give them the dtype category"
+        )
+    return InvalidArgumentError(f"{what} must hold numbers{helps}: {error}")
+
+
+def _called(table: Any, column: int) -> str | int:
+    """Return the name of a column of a data frame, else its number."""
+    names = columns_of(table)
+    return str(names[column]) if names else column
 
 
 def _is_text(value: Any) -> bool:
@@ -116,9 +127,12 @@ def is_missing(value: object) -> bool:
 
 
 def encode(
-    table: NDArray[Any], categories: Sequence[NDArray[Any] | None], handle_unknown: str
+    frame: Any,
+    table: NDArray[Any],
+    categories: Sequence[NDArray[Any] | None],
+    handle_unknown: str,
 ) -> Floats:
-    """Return the table as numbers: codes in nominal columns, NaN for unknown values.
+    """Return the table of a frame as numbers: codes in nominal columns, NaN for unknown values.
 
     Raises:
         InvalidArgumentError: If a continuous column does not hold finite numbers (or NaN), or a
@@ -126,9 +140,16 @@ def encode(
     """
     numbers = np.empty(table.shape)
     for j, values in enumerate(categories):
-        column = table[:, j]
+        column, called = table[:, j], f"column {_called(frame, j)!r}"
         if values is None:
-            numbers[:, j] = _numbers(column, j)
+            try:
+                known = [np.nan if is_missing(value) else value for value in column]
+                numbers[:, j] = np.array(known, dtype=np.float64)
+            except (TypeError, ValueError) as error:
+                nominal = np.array([values is not None for values in categories])
+                raise _no_numbers(called, frame, nominal, error) from None
+            if np.isinf(numbers[:, j]).any():
+                raise InvalidArgumentError(f"{called} must not hold infinity")
             continue
         code_of = {value: code for code, value in enumerate(values)}
         codes = [np.nan if is_missing(value) else code_of.get(value, -1) for value in column]
@@ -137,21 +158,10 @@ def encode(
         if new.any() and handle_unknown == "error":
             listing = sorted({repr(value) for value in column[new]})
             raise InvalidArgumentError(
-                f"found unknown categories [{', '.join(listing)}] in column {j}; "
+                f"found unknown categories [{', '.join(listing)}] in {called}; "
                 "handle_unknown='missing' would treat them as unknown values"
             )
         numbers[new, j] = np.nan
-    return numbers
-
-
-def _numbers(column: NDArray[Any], j: int) -> Floats:
-    known = [np.nan if is_missing(value) else value for value in column]
-    try:
-        numbers = np.array(known, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InvalidArgumentError(f"column {j} must hold numbers: {error}") from None
-    if np.isinf(numbers).any():
-        raise InvalidArgumentError(f"column {j} must not hold infinity")
     return numbers
 
 
@@ -359,11 +369,7 @@ class C45Classifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # sk
         except ValueError as error:
             if "could not convert string" not in str(error):
                 raise
-            texts = text_columns(X, nominal)
-            raise InvalidArgumentError(
-                "X must hold numbers in columns that are not nominal; for the columns of strings "
-                f"say nominal_features={texts!r}, or give them the dtype category: {error}"
-            ) from None
+            raise _no_numbers("columns that are not nominal", X, nominal, error) from None
         table, y = checked if fitting else (checked, None)
         if fitting:
             every = nominal if nominal.any() else np.zeros(table.shape[1], dtype=bool)
@@ -372,4 +378,4 @@ class C45Classifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # sk
             ]
         if not nominal.any():
             return table, y
-        return encode(table, self.categories_, self.handle_unknown), y
+        return encode(X, table, self.categories_, self.handle_unknown), y
