@@ -30,11 +30,10 @@ def nominal_mask(table: Any, nominal: Any) -> Booleans:
 
     ``nominal`` is indices, column names, a mask, ``"auto"`` (columns of categories) or None.
     """
-    types = _types(table)
-    if nominal is None or (isinstance(nominal, str) and nominal == "auto" and not types):
+    if nominal is None:
         return np.zeros(0, dtype=bool)
     if isinstance(nominal, str) and nominal == "auto":
-        return np.array([str(one).startswith(CATEGORIES) for one in types], dtype=np.bool_)
+        return np.array([str(one).startswith(CATEGORIES) for one in _types(table)], dtype=np.bool_)
     if isinstance(nominal, str) or not np.iterable(nominal):
         raise InvalidArgumentError(
             "nominal_features must be 'auto', None, indices, column names or a mask, "
@@ -79,12 +78,11 @@ def _called(table: Any, column: int) -> str | int:
 
 def _is_text(value: Any) -> bool:
     """Return whether a value is a string that is no number."""
-    if not isinstance(value, str):
-        return False
-    try:
-        float(value)
-    except ValueError:
-        return True
+    if isinstance(value, str):
+        try:
+            float(value)
+        except ValueError:
+            return True
     return False
 
 
@@ -127,10 +125,7 @@ def is_missing(value: object) -> bool:
 
 
 def encode(
-    frame: Any,
-    table: NDArray[Any],
-    categories: Sequence[NDArray[Any] | None],
-    handle_unknown: str,
+    frame: Any, table: NDArray[Any], categories: Sequence[NDArray[Any] | None], handle_unknown: str
 ) -> Floats:
     """Return the table of a frame as numbers: codes in nominal columns, NaN for unknown values.
 
@@ -372,9 +367,9 @@ class C45Classifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # sk
             raise _no_numbers("columns that are not nominal", X, nominal, error) from None
         table, y = checked if fitting else (checked, None)
         if fitting:
-            every = nominal if nominal.any() else np.zeros(table.shape[1], dtype=bool)
+            named = np.flatnonzero(nominal)
             self.categories_: list[NDArray[Any] | None] = [
-                values_of(X, table, j) if named else None for j, named in enumerate(every.tolist())
+                values_of(X, table, j) if j in named else None for j in range(table.shape[1])
             ]
         if not nominal.any():
             return table, y

@@ -252,13 +252,11 @@ class _Grower:
         values: Floats = column[np.searchsorted(column, middle, side="right") - 1]
         return values
 
-    def _divide(
-        self,
-        tests: _kernels.Tests,
-        forks: Int32s,
-        parents: Floats,  # [n, A]
-    ) -> Floats:
-        """Make the cases of the next level; return the classes of all children [children, A]."""
+    def _divide(self, tests: _kernels.Tests, forks: Int32s, parents: Floats) -> Floats:
+        """Make the cases of the next level; return the classes of all children [children, A].
+
+        ``parents`` are those of the nodes that are divided, [n, A].
+        """
         old, n_classes = self.lists, self.training.n_classes
         n_children = int(forks.sum())
         branch = np.empty(len(self.cases.row), dtype=np.int32)
@@ -425,9 +423,8 @@ def grow(
         raise InvalidArgumentError(
             f"actions must be in 0..{n_classes - 1}, got {int(labels.max())}"
         )
-    weight = np.ones(len(rows)) if weights is None else check_vector(
-        "weights", weights, size=len(rows)
-    )  # fmt: skip
+    given = np.ones(len(rows)) if weights is None else weights
+    weight = check_vector("weights", given, size=len(rows))
     if weight.size and weight.min() < 0:
         raise InvalidArgumentError(f"weights must not be negative, got {weight.min()}")
     used = weight > 0

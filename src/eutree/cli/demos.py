@@ -284,8 +284,7 @@ def import_(
     out. A machine's log without marks of episodes is read by --time, or as --one-episode.
     """
     kind = _kind("SOURCE", source)
-    named = {name: log.pop(f"{name}_column") for name in _OWN}
-    columns = {name: column for name, column in named.items() if column is not None}
+    columns = {name: own for name in _OWN if (own := log.pop(f"{name}_column")) is not None}
     log_format = LogFormat(
         episode_gap=None if episode_gap is None else seconds_of(episode_gap),
         actions=() if actions is None else tuple(name.strip() for name in actions.split(",")),

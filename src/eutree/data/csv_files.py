@@ -33,6 +33,7 @@ from eutree.data.log_format import (
     LEAVE_OUT,
     MASKED,
     LogFormat,
+    action_of,
     are_quantities,
     column_of,
     hint,
@@ -146,8 +147,7 @@ class _Table:
         self, columns: list[str], delimiter: str, log: LogFormat, path: str | Path
     ) -> None:
         apart = {*MASKED, log.time, ""}  # without a name: numbers of rows, and what was dropped
-        self._columns, self._log, self._path = columns, log, path
-        self._delimiter, self._has_comma = delimiter, delimiter != ","
+        self._columns, self._delimiter, self._log, self._path = columns, delimiter, log, path
         self._features = [column for column in columns if column not in apart]
         if not self._features:
             raise InvalidArgumentError(f"there is no column of a feature in {columns}")
@@ -286,15 +286,12 @@ class _Table:
         return self._with_point(text)
 
     def _with_point(self, text: str) -> str:
-        is_decimal = self._has_comma and _DECIMAL_COMMA.fullmatch(text)
+        is_decimal = self._delimiter != "," and _DECIMAL_COMMA.fullmatch(text)
         return text.replace(",", ".") if is_decimal else text
 
     @cached_property
     def _has_quantities(self) -> bool:
-        """Whether all actions of the table are numbers, those apart that say nothing.
-
-        A row alone does not tell whether its ``NA`` is a name.
-        """
+        """Whether all actions of the table that say something are numbers: no row tells alone."""
         at = self._columns.index("action")
         with opened_text(self._path, limit=MAX_CSV) as text:
             rows = csv.reader(text, delimiter=self._delimiter)
@@ -323,9 +320,7 @@ class _Table:
             return self._number(row, column)
         codes, text = self._categories[column], row[column].strip()
         if not text:
-            raise InvalidArgumentError(
-                f"{column} must be a category, got {text!r}{hint(text, column)}"
-            )
+            raise InvalidArgumentError(f"{column} must be a category, got ''{hint('', column)}")
         code = codes.setdefault(text, len(codes))
         if code >= MAX_CATEGORIES:
             raise InvalidArgumentError(
@@ -334,9 +329,7 @@ class _Table:
         return float(code)
 
     def _number(self, row: dict[str, str], column: str) -> float:
-        text = row[column]
-        if self._has_comma and _DECIMAL_COMMA.fullmatch(text):
-            text = text.replace(",", ".")
+        text = self._with_point(row[column]) if self._delimiter != "," else row[column]
         try:
             number = float(text)
         except ValueError:
@@ -352,20 +345,18 @@ class _Table:
     def read(self, schema: Schema | None) -> tuple[tuple[Episode, ...], Schema]:
         """Return the episodes and their schema, which is made of the table if it is not given."""
         path = self._path
-        with blamed(path):
-            features = tuple(self._made_features())
         texts = self._texts(schema)
         if schema is None:
             with blamed(path, "action"):
                 actions = self._made_actions(texts)
             with blamed(path):
-                schema = Schema(features, actions)
+                schema = Schema(tuple(self._made_features()), actions)
         else:
             with blamed(path, "line 1"):
-                self._order = order_of(features, schema)
+                self._order = order_of(tuple(self._made_features()), schema)
         by_name = bool(self._log.actions) or are_quantities({*texts}, self._names)
         with blamed(path, "action"):
-            numbers = [self._action(text, schema, by_name) for text in texts]
+            numbers = [action_of(text, schema, by_name) for text in texts]
             for text, name in self._names.items():
                 meant = schema.actions[numbers[texts.index(text)]]
                 if name in schema.actions and name != meant:
@@ -428,26 +419,6 @@ class _Table:
             return tuple(names.get(k, name) for k, name in enumerate(unnamed))
         return tuple(self._names.get(text, text) for text in texts)
 
-    def _action(self, text: str, schema: Schema, by_name: bool) -> int:
-        """Return the action of a text: an index, or else a name; if ``by_name``, a name first.
-
-        What is neither may be a level, where the actions set one quantity.
-        """
-        names = schema.actions
-        is_index = INDEX.fullmatch(text) and int(text) < len(names)
-        if by_name and text not in names and is_quantity(text):  # 0 and 0.0 are one quantity
-            same = (name for name in names if is_quantity(name) and float(name) == float(text))
-            text = next(same, text)
-        if text in names and (by_name or not is_index):
-            return names.index(text)
-        if is_index:
-            return int(text)
-        levels = schema.controls[0].levels if len(schema.controls) == 1 else ()
-        if is_quantity(text) and float(text) in levels:
-            return levels.index(float(text))
-        known = ", ".join(names)
-        raise InvalidArgumentError(f"must be one of {known} or its index, got {text!r}")
-
     def _observations(self, group: _EpisodeRows) -> Floats:
         """Return the observations of an episode, categories as features of their own, [T, d]."""
         values = np.frombuffer(group.observations).reshape(-1, len(self._features))
@@ -508,13 +479,12 @@ def write_csv(path: str | Path, episodes: Sequence[Episode], schema: Schema) -> 
     write_text(path, buffer.getvalue())
 
 
-def _lines(number: int, episode: Episode, schema: Schema, masked: bool) -> list[list[str]]:
+def _lines(number: int, episode: Episode, schema: Schema, masked: bool) -> Iterator[list[str]]:
     success = "" if episode.is_success is None else str(episode.is_success).lower()
     seed = "" if episode.seed is None else str(episode.seed)
     tail = [seed, episode.ending, success, str(episode.kept).lower()]
     masks = () if episode.allowed is None else episode.allowed
     allowed = [" ".join(map(str, np.flatnonzero(mask))) for mask in masks]
-    lines = []
     for step, observation in enumerate(episode.observations.tolist()):
         last = step >= len(episode) - 1
         ends = [str(end and last).lower() for end in (episode.terminated, episode.truncated)]
@@ -524,5 +494,4 @@ def _lines(number: int, episode: Episode, schema: Schema, masked: bool) -> list[
             reward = repr(float(episode.rewards[step])) if episode.has_rewards else ""
             middle = [str(action), schema.actions[action], reward]
         may = [allowed[step] if step < len(allowed) else ""] if masked else []
-        lines.append([str(number), str(step), *middle, *ends, *tail, *may, *map(repr, observation)])
-    return lines
+        yield [str(number), str(step), *middle, *ends, *tail, *may, *map(repr, observation)]

@@ -44,8 +44,7 @@ class Demonstrations(Displayed, Frozen):
     def __post_init__(self) -> None:
         object.__setattr__(self, "episodes", tuple(self.episodes))
         for number, episode in enumerate(self.episodes):
-            problem = misfit(episode, self.schema)
-            if problem:
+            if problem := misfit(episode, self.schema):
                 raise InvalidArgumentError(f"episode {number} {problem}")
 
     def __repr__(self) -> str:

@@ -220,9 +220,8 @@ class DemonstrationFolder:
         if number not in self.numbers():
             raise InvalidArgumentError(f"{self.path} has no episode {number}")
         path = self.episode_path(number)
-        return self._fitting(
-            episode_from_bytes(atomic.read_bytes(path, limit=MAX_ARCHIVE), path), path
-        )
+        data = atomic.read_bytes(path, limit=MAX_ARCHIVE)
+        return self._fitting(episode_from_bytes(data, path), path)
 
     def read_all(self) -> dict[int, Episode]:
         """Read all episodes, those that dead recorders left in their journals included."""
@@ -247,8 +246,7 @@ class DemonstrationFolder:
 
     def write(self, number: int, episode: Episode) -> None:
         """Write or replace an episode, atomically."""
-        problem = misfit(episode, self.schema)
-        if problem:
+        if problem := misfit(episode, self.schema):
             raise InvalidArgumentError(f"the episode {problem}")
         atomic.write_bytes(self.episode_path(number), _content(number, episode))
 
@@ -261,10 +259,8 @@ class DemonstrationFolder:
     ) -> "RunningEpisode":
         """Open the journal of a new episode; ``finish`` it when it is over."""
         number = self.next_number()
-        path = self._journal_path(number)
-        return RunningEpisode(
-            self, number, EpisodeJournal(path, observation, seed=seed, extras=extras)
-        )
+        journal = EpisodeJournal(self._journal_path(number), observation, seed=seed, extras=extras)
+        return RunningEpisode(self, number, journal)
 
     def recover(self) -> list[int]:
         """Turn the journals of dead recorders into episodes; return their numbers.
@@ -283,8 +279,7 @@ class DemonstrationFolder:
 
     def _fitting(self, episode: Episode, path: Path) -> Episode:
         """Return the episode of a file if it fits the schema."""
-        problem = misfit(episode, self.schema)
-        if problem:
+        if problem := misfit(episode, self.schema):
             raise FormatError(path, "", problem)
         return episode
 

@@ -1,4 +1,4 @@
-"""How a machine's log is read: its columns, times, text, empty cells, unmarked episodes."""
+"""How a machine's log is read: columns, times, text, actions, empty cells, unmarked episodes."""
 
 import re
 from collections.abc import Collection, Mapping, Sequence
@@ -198,6 +198,27 @@ def are_quantities(texts: Collection[str], names: Mapping[str, str]) -> bool:
     if not all(map(INDEX.fullmatch, texts)):
         return highest < 2**53  # above it two whole numbers may be one
     return highest >= max(2 * len(texts), SMALL)
+
+
+def action_of(text: str, schema: Schema, by_name: bool) -> int:
+    """Return the action of a text: an index, or else a name; if ``by_name``, a name first.
+
+    What is neither may be a level, where the actions set one quantity.
+    """
+    names = schema.actions
+    is_index = INDEX.fullmatch(text) and int(text) < len(names)
+    if by_name and text not in names and is_quantity(text):  # 0 and 0.0 are one quantity
+        same = (name for name in names if is_quantity(name) and float(name) == float(text))
+        text = next(same, text)
+    if text in names and (by_name or not is_index):
+        return names.index(text)
+    if is_index:
+        return int(text)
+    levels = schema.controls[0].levels if len(schema.controls) == 1 else ()
+    if is_quantity(text) and float(text) in levels:
+        return levels.index(float(text))
+    known = ", ".join(names)
+    raise InvalidArgumentError(f"must be one of {known} or its index, got {text!r}")
 
 
 def truth(row: Mapping[str, str], column: str) -> bool | None:

@@ -97,20 +97,14 @@ def write_npz(path: str | Path, episodes: tuple[Episode, ...], n_features: int) 
 
 
 def _rows(arrays: _Arrays) -> tuple[Episode, ...]:
-    dones = arrays.get("dones")
-    terminated = arrays.get("terminations")
-    truncated = arrays.get("truncations")
+    dones, terminated, truncated = map(arrays.get, ("dones", "terminations", "truncations"))
     if dones is not None:  # an end is of the one kind or of the other
         if terminated is None:
-            terminated = (
-                dones if truncated is None else dones.astype(bool) & ~truncated.astype(bool)
-            )
+            terminated = dones if truncated is None else np.logical_and(dones, truncated == 0)
         elif truncated is None:
             truncated = dones.astype(bool) & ~terminated.astype(bool)
     elif terminated is not None:
-        dones = (
-            terminated if truncated is None else terminated.astype(bool) | truncated.astype(bool)
-        )
+        dones = terminated if truncated is None else np.logical_or(terminated, truncated)
     starts = np.arange(len(arrays["acts"])) == 0
     if dones is not None:
         starts[1:] = dones[:-1]

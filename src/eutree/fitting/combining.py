@@ -30,8 +30,9 @@ from eutree.fitting.report import CLEARLY_SHORTER, Proposal
 from eutree.formulas import in_formula, parse
 from eutree.interaction.deriving import acting_as
 from eutree.learners import fit_expert_tree
-from eutree.learners.starts import FOLDS, under_masks
+from eutree.learners.starts import FOLDS, falling_back
 from eutree.policies import TreePolicy
+from eutree.policies.reach import among_allowed
 from eutree.schema import Schema
 from eutree.trees import DecisionTree
 
@@ -64,13 +65,9 @@ class _Rows:
 
     def tree(self, rows: Booleans, settings: C45Settings) -> tuple[DecisionTree, Integers]:
         """Return C4.5's tree of some rows and the actions of its leaves."""
-        return grow(
-            self.columns[rows],
-            self.labels[rows],
-            n_classes=self.n_classes,
-            weights=self.weights[rows],
-            settings=settings,
-        ).to_decision_tree()
+        columns, labels, weights = self.columns[rows], self.labels[rows], self.weights[rows]
+        grown = grow(columns, labels, n_classes=self.n_classes, weights=weights, settings=settings)
+        return grown.to_decision_tree()
 
     def decisions(self, rows: Booleans, settings: C45Settings) -> tuple[int, Integers]:
         """Return the leaves of C4.5's tree of some rows, and what it decides in the others."""
@@ -78,9 +75,9 @@ class _Rows:
         others = self.columns[~rows]
         if self.allowed is None:
             return tree.n_leaves, actions[tree.leaf_index(others)]
-        policy = TreePolicy(tree, actions, Schema.anonymous(tree.n_features, self.n_classes))
-        seen = self.columns[rows]
-        policy = under_masks(policy, (seen, self.labels[rows]), seen, self.allowed[rows])
+        seen, schema = self.columns[rows], Schema.anonymous(tree.n_features, self.n_classes)
+        policy = falling_back(TreePolicy(tree, actions, schema), seen, self.labels[rows])
+        policy = among_allowed(policy, seen, self.allowed[rows])
         return tree.n_leaves, policy.decide(others, self.allowed[~rows])
 
     def reductions(self, rows: Booleans, columns: Floats) -> Floats:

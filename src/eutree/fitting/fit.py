@@ -33,8 +33,8 @@ from eutree.learners.starts import (
     RELEASE_8,
     SETTINGS,
     FittedTree,
-    as_shown,
     best_left_out,
+    falling_back,
     fitted_trees,
     promising,
     shown_in,
@@ -96,9 +96,11 @@ def _repaired(
     fitted: FittedTree, played: Played, demonstrations: Demonstrations, person: Person
 ) -> Iterable[FittedTree]:
     """Yield the repairs of the leaves that have most to do with failing."""
+    known = demonstrations.with_history(fitted.policy.history)
     for leaf in most_guilty(played, person.mean_return, BLAMED_LEAVES):
         for policy, words in repairs(fitted.policy, demonstrations, leaf):
-            policy = as_shown(policy, demonstrations)
+            if policy.masked:
+                policy = falling_back(policy, *lessons(known))
             yield replace(fitted, policy=policy, repairs=(*fitted.repairs, words))
 
 

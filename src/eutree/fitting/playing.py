@@ -43,10 +43,9 @@ class Played:
     @property
     def worths(self) -> Floats:
         """The worth of each episode, [E]: success where it is known, among equals the return."""
-        return np.array([
-            bool(episode.is_success) + TIE * episode.undiscounted_return
-            for episode in self.episodes
-        ])  # fmt: skip
+        return np.array(
+            [bool(one.is_success) + TIE * one.undiscounted_return for one in self.episodes]
+        )
 
     def failed(self, enough: float) -> Booleans:
         """Return which episodes failed, [E]; without successes, which earned too little."""

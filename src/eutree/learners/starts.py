@@ -51,41 +51,23 @@ def fit_expert_tree(
         InvalidArgumentError: If there is no transition, or weights do not fit.
     """
     check_shown(demonstrations)
-    observations, actions_taught = lessons(demonstrations)
-    if not len(actions_taught):
+    observations, taught = lessons(demonstrations)
+    if not len(taught):
         raise InvalidArgumentError("demonstrations must not be cut altogether: nothing is left")
     given = weights_in(demonstrations) if weights is None else weights
     weighed = check_vector("weights", given, size=demonstrations.n_transitions)
+    check_kind("settings", settings, C45Settings)
     if weights is not None:
-        warn_of_light(weighed, check_kind("settings", settings, C45Settings).min_objects)
-    grown = grow(
-        observations,
-        actions_taught,
-        n_classes=demonstrations.schema.n_actions,
-        weights=weighed[taught_in(demonstrations) != CUT],
-        settings=check_kind("settings", settings, C45Settings),
-    )
+        warn_of_light(weighed, settings.min_objects)
+    weighed, n = weighed[taught_in(demonstrations) != CUT], demonstrations.schema.n_actions
+    grown = grow(observations, taught, n_classes=n, weights=weighed, settings=settings)
     tree, actions = grown.to_decision_tree()
-    policy = within_kinds(
-        TreePolicy(tree, actions, demonstrations.schema, demonstrations.environment)
-    )
-    allowed = allowed_in(demonstrations)
+    policy = TreePolicy(tree, actions, demonstrations.schema, demonstrations.environment)
+    policy, allowed = within_kinds(policy), allowed_in(demonstrations)
     if allowed is None:
         return policy
-    shown = observations, actions_taught
-    return under_masks(policy, shown, demonstrations.observations, allowed)
-
-
-def under_masks(
-    policy: TreePolicy, shown: tuple[Floats, Integers], observations: Floats, allowed: Booleans
-) -> TreePolicy:
-    """Return a policy whose leaves fall back on what was shown in them where theirs is masked.
-
-    Shown were, at observations [n, d], actions [n]; ``allowed`` [N, A] were those left at
-    ``observations`` [N, d].
-    """
-    policy = _falling_back(policy, _counts(policy, *shown))
-    return among_allowed(policy, observations, allowed)
+    policy = falling_back(policy, observations, taught)
+    return among_allowed(policy, demonstrations.observations, allowed)
 
 
 def shown_in(policy: TreePolicy, demonstrations: Demonstrations, *, free: bool = False) -> Integers:
@@ -104,14 +86,9 @@ def _counts(
     return counts
 
 
-def as_shown(policy: TreePolicy, demonstrations: Demonstrations) -> TreePolicy:
-    """Return the policy; where actions are masked, a leaf falls back on those shown in it."""
-    if not policy.masked:
-        return policy
-    return _falling_back(policy, shown_in(policy, demonstrations))
-
-
-def _falling_back(policy: TreePolicy, visits: Integers) -> TreePolicy:
+def falling_back(policy: TreePolicy, observations: Floats, actions: Integers) -> TreePolicy:
+    """Return the policy; where its own action is masked, a leaf takes what was shown in it most."""
+    visits = _counts(policy, observations, actions)
     unknown = np.full(visits.shape, np.nan)
     return replace(policy, leaves=LeafStatistics(visits, unknown, unknown))
 
