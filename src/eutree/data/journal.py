@@ -147,15 +147,8 @@ class EpisodeJournal:
             raise InvalidArgumentError(f"steps must be at most {MAX_STEP_VALUES}, got {len(steps)}")
         if not math.isfinite(reward):
             raise InvalidArgumentError(f"reward must be finite, got {reward!r}")
-        step = _Step(
-            int(action),
-            float(reward),
-            sensed.tolist(),
-            bool(terminated),
-            bool(truncated),
-            steps or {},
-        )
-        self._write(_encoder.encode(step))
+        answer = float(reward), sensed.tolist(), bool(terminated), bool(truncated)
+        self._write(_encoder.encode(_Step(int(action), *answer, steps or {})))
 
     def close(self) -> None:
         """Stop writing and leave the file, as a crash would; closing twice does nothing."""
