@@ -58,6 +58,16 @@ class WalkPlant(Plant):
         return state[0] >= self._kind.goal
 
 
+class FallingPlant(WalkPlant):
+    """Moves on in the pit, but says that the episode has failed there."""
+
+    def step(self, state: Any, action: Any) -> Any:
+        return state[0] + (2.0 * action - 1.0), state[1] + 1.0
+
+    def fails(self, state: Any) -> Any:
+        return state[0] <= self._kind.pit
+
+
 @pytest.fixture
 def walk(monkeypatch):
     """Return a function that registers a walk and returns its plant."""
@@ -161,3 +171,51 @@ def test_a_number_too_narrow_to_be_cut_leaves_the_other_to_be(walk):
     policy = policy_of((1, 0.3, 0, 1), NAME)
     found = prove(policy, plant, f"stays in place <= {low + 0.5} for 1 steps")
     assert found.sentence.endswith(": not from 70 % of all starts")
+
+
+TURNS = (1, 1.5, 0, 1)  # two steps to the left, then to the right
+
+
+@pytest.mark.parametrize("kind", [WalkPlant, FallingPlant])
+def test_what_would_arrive_after_it_has_failed_does_not_arrive(walk, kind):
+    plant = kind(walk(LIMIT, pit=-1.5, goal=3.0)._kind, LIMIT)
+    policy = policy_of(TURNS, NAME)
+    checked(plant)
+    found = prove(policy, plant, "arrives")
+    assert found.verdict == "refuted"
+    assert ": not from 50 % of all starts" in found.sentence
+    assert (found.starts.low[0, 0], found.starts.high[0, 0]) == pytest.approx((0.0, 0.5), abs=1e-6)
+    low, high = found.bounds["mean_return"]
+    assert low <= -np.mean([len(path) - 1 for path in paths(plant, policy, LIMIT)]) <= high
+
+
+@pytest.mark.parametrize("kind", [WalkPlant, FallingPlant])
+def test_what_breaks_only_after_it_has_failed_is_kept(walk, kind):
+    plant = kind(walk(pit=-1.5)._kind, None)
+    policy = policy_of(LEFT, NAME)
+    found = prove(policy, plant, "stays in place >= -1.8 for 9 steps")
+    breaks = [bool((path[:, 0] < -1.8).any()) for path in paths(plant, policy, 9)]
+    assert found.sentence.endswith(f": not from {100 * np.mean(breaks):.3g} % of all starts")
+    assert prove(policy, plant, "stays in place >= -2.6 for 9 steps").undecided < 1e-6
+
+
+@pytest.mark.parametrize("named", [{}, {"axes": ((1.0, 0.0), (0.0, 1.0)), "cells": (0.1, 0.1)}])
+def test_an_end_that_a_plant_without_a_goal_does_not_know_is_found(walk, named):
+    """Only plants with a goal of their own were asked, and shares of others were false."""
+    known = walk(pit=-1.5, goal=np.inf)
+    kind = type("Own", (FallingPlant,), {"arrives": Plant.arrives, "fails": Plant.fails, **named})
+    with pytest.raises(
+        InvalidArgumentError, match=r"ends in .*, which has not arrived and which a"
+    ):
+        checked(kind(known._kind, None))
+    plant = type("Own", (kind,), {"fails": FallingPlant.fails})(known._kind, None)
+    checked(plant)
+    policy = policy_of((0, 50.0, 0, 1), NAME)
+    assert prove(policy, plant, "stays in place >= -2.7 for 9 steps").proven
+    assert prove(policy, plant, "stays in place >= -2.3 for 9 steps").verdict == "refuted"
+
+
+def test_an_end_where_the_environment_goes_on_is_found(walk):
+    plant = FallingPlant(type("Own", (walk()._kind,), {"pit": -1.5}), None)
+    with pytest.raises(InvalidArgumentError, match="has failed, where the environment goes on"):
+        checked(plant)

@@ -63,6 +63,10 @@ class Layers:
         for steps in range(horizon):
             if self.box_steps > most or not self.step() or broken(self.state()).maybe.any():
                 return steps
+            goes_on = ~self._plant.ends(self.state()).surely
+            if not goes_on.any():
+                break
+            self.low, self.high = self.low[goes_on], self.high[goes_on]
         return horizon
 
     def step(self) -> bool:
@@ -160,13 +164,14 @@ def _harm(
 ) -> Floats:
     """Return the most harm of the episodes from starts [N, d], shape [N]."""
     state: State = [Intervals.of(column) for column in starts.T]
-    most = np.full(len(starts), -np.inf)
-    with np.errstate(all="ignore"):  # an episode that has broken off long ago may overflow
+    most, over = np.full(len(starts), -np.inf), np.zeros(len(starts), dtype=bool)
+    with np.errstate(all="ignore"):  # an episode that has ended long ago may overflow
         for _ in range(horizon):
             later = plant.step(state, first_action(acting(state)))
             state = [Intervals.of(middle(one.low, one.high)) for one in later]
             seen = np.broadcast_arrays(*(Intervals.of(one).low for one in plant.measure(state)))
-            most = np.fmax(most, harm(np.stack(seen)))
+            most = np.fmax(most, np.where(over, -np.inf, harm(np.stack(seen))))
+            over |= plant.ends(state).surely
     return most
 
 

@@ -81,11 +81,19 @@ class Plant:
         raise NotImplementedError
 
     def arrives(self, state: State) -> Truth:
-        """Return whether states end an episode well: N statements.
+        """Return whether states end an episode well: N statements."""
+        return Truth(*[np.zeros(np.shape(Intervals.of(state[0]).low), dtype=bool)] * 2)
 
-        Where it may end otherwise, ``step`` must leave the state as it is.
+    def fails(self, state: State) -> Truth:
+        """Return whether states end an episode otherwise: N statements.
+
+        Where it may end so and this does not say it, ``step`` must leave the state as it is.
         """
-        return Truth(*[np.zeros(np.shape(state[0].low), dtype=bool)] * 2)
+        return Plant.arrives(self, state)
+
+    def ends(self, state: State) -> Truth:
+        """Return whether states end an episode, well or otherwise."""
+        return self.arrives(state) | self.fails(state)
 
     def observe(self, state: State) -> State:
         """Return the features that a policy sees; a number that may be anything is unbounded."""
@@ -203,8 +211,8 @@ class Plant:
         try:
             boxes = [Intervals.between(*np.repeat([end], n, 0).T) for end in ends]
             moved, of_one = self.step(boxes, np.arange(n)), from_a_start(self, n)
-            arrived, observed = self.arrives(moved), self.observe(moved)
-            measured = self.measure(moved)
+            ended = {"arrives": self.arrives(moved), "fails": self.fails(moved)}
+            observed, measured = self.observe(moved), self.measure(moved)
         except Exception as error:
             raise InvalidArgumentError(f"{kind} cannot move boxes: {described(error)}") from error
         if len(ends) != len(names):
@@ -214,9 +222,10 @@ class Plant:
         _check_listed(f"step of {kind}", moved, names)
         _check_listed(f"observe of {kind}", observed, seen.measured.feature_names, Real, np.ndarray)
         _check_listed(f"measure of {kind}", measured, self.schema.feature_names, Real, np.ndarray)
-        if not isinstance(arrived, Truth):
-            words = f"arrives of {kind} must return a Truth of N statements"
-            raise InvalidArgumentError(f"{words}, got {shown(arrived)}")
+        for name, found in ended.items():
+            if not isinstance(found, Truth):
+                words = f"{name} of {kind} must return a Truth of N statements"
+                raise InvalidArgumentError(f"{words}, got {shown(found)}")
         if bad := [k for k, one in enumerate(of_one) if np.isnan([one.low, one.high]).any()]:
             words = f"step of {kind} must return bounds that are numbers"
             raise InvalidArgumentError(f"{words}, got nan for {names[bad[0]]}")
@@ -327,6 +336,12 @@ class CartPole(Plant):
         moving = push - _POLE_MASS_LENGTH * bending * cosine / _TOTAL_MASS
         rates = (velocity, moving, turning, bending)
         return [one + _TAU * rate for one, rate in zip(state, rates, strict=True)]
+
+    def fails(self, state: State) -> Truth:
+        """Return whether the cart has left the track, or the pole has fallen."""
+        place, _, angle, _ = state
+        held = (place >= -_EDGE) & (place <= _EDGE) & (angle >= -_FALL) & (angle <= _FALL)
+        return ~held
 
     def put(self, env: gymnasium.Env[Any, Any], point: Floats) -> Any:
         """Begin an episode of the real cart in a state."""

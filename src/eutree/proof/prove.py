@@ -32,6 +32,7 @@ from eutree.trees.text import derived_features
 from eutree.validation import check_kind
 
 _TRIES = 20  # starts of undecided pieces that are replayed
+_SHOWN = 5e-4  # of the starts: a share that is open and shown beside those that fail
 _SUMMED = 1e-9  # of the steps: greatest error of adding up shares
 
 
@@ -143,10 +144,9 @@ class _Proof:
         reach = Reach(
             Acting(self._policy, plant),
             plant,
-            plant.arrives if self._arriving else self._broken,
+            *(plant.arrives, plant.fails) if self._arriving else (self._broken, plant.ends),
             horizon=self._horizon,
             effort=self._effort,
-            is_over=None if self._arriving else plant.arrives,
         )
         pieces = reach.pieces()
         shares = _shares(pieces, plant)
@@ -160,7 +160,8 @@ class _Proof:
         if verdict == PROVEN and self._arriving:
             said = f"arrives within {bounds['steps'][1]} steps" if "steps" in bounds else "arrives"
         elif verdict == REFUTED and fails.any():
-            more = f": not from {100 * float(shares[fails].sum()):.3g} % of all starts"
+            least = "at least " * (undecided > _SHOWN)
+            more = f": not from {least}{100 * float(shares[fails].sum()):.3g} % of all starts"
         elif verdict == UNDECIDED:
             more = f" for a share of {undecided:.3g} of them"
         if "mean_return" in bounds:

@@ -211,8 +211,8 @@ class _Boxes:
 class Reach:
     """When an event happens, within a number of steps, from each start of a plant.
 
-    ``event`` says whether it has happened in states, ``is_over`` whether an episode has arrived in
-    them without it; None where to arrive is the event.
+    ``event`` says whether it has happened in states, ``is_over`` whether an episode has ended in
+    them without it.
     """
 
     def __init__(
@@ -220,10 +220,10 @@ class Reach:
         acting: Acting,
         plant: Plant,
         event: Callable[[State], Truth],
+        is_over: Callable[[State], Truth],
         *,
         horizon: int,
         effort: Effort,
-        is_over: Callable[[State], Truth] | None = None,
     ) -> None:
         self._acting, self._plant, self._event = acting, plant, event
         self._horizon, self._is_over, self._effort = horizon, is_over, effort
@@ -301,11 +301,10 @@ class Reach:
         over = event.surely & ~boxes.ended
         self._keep(boxes[over], boxes.steps[over], boxes.steps[over])
         perhaps = event.maybe & ~over
-        if self._is_over is not None:
-            ends = self._is_over(state)
-            safe = ends.surely & ~event.maybe
-            self._keep_never(boxes[safe])
-            boxes, over = replace(boxes, ended=boxes.ended | ends.maybe), over | safe
+        ends = self._is_over(state)
+        safe = ends.surely & ~event.maybe
+        boxes, over = replace(boxes, ended=boxes.ended | ends.maybe), over | safe
+        self._keep_never(boxes[safe])
         if perhaps.any():
             cut = perhaps & self._is_wide(boxes)
             self._cut(boxes[cut])
@@ -388,15 +387,16 @@ class Reach:
     def _shortest(self, boxes: _Boxes) -> Integers:
         """Return how many steps episodes take at least that may have ended without the event.
 
-        Where one has, every action leaves the state as it is: none has where an action moves it.
+        Where one has and the plant does not say so, every action leaves the state as it is: none
+        has where an action moves it.
         """
         moves, before = np.zeros(len(boxes), dtype=bool), boxes.state()
-        if self._is_over is None and self._plant.reward is not None:  # else nobody asks
+        if self._plant.reward is not None:  # else nobody asks
             for k in range(self._acting.n_actions):
                 later = self._plant.step(before, np.full(len(boxes), k))
                 for one, other in zip(later, before, strict=True):
                     moves |= ~(one - other == 0.0).maybe
-        return np.where(moves, boxes.steps + 1, 1)
+        return np.where(moves & ~boxes.ended, boxes.steps + 1, 1)
 
     def _joined(self) -> Pieces:
         """Return the decided pieces, the branches of each piece together."""

@@ -162,13 +162,14 @@ def _follow(plant: Plant, guard: GuardedEnv, steps: int, generator: np.random.Ge
 def _check_end(plant: Plant, state: Floats, n_actions: int, over: bool) -> None:
     """Raise InvalidArgumentError unless an episode goes on, or ends, in a state as in the plant."""
     here = [Intervals.of(np.full(n_actions, x)) for x in state]
-    arrived = plant.arrives(here)
-    if arrived.surely[0] and not over:
+    ends = plant.ends(here)
+    if ends.surely[0] and not over:
         raise InvalidArgumentError(
             f"plant must end as {plant.environment} does: it says that {state.tolist()} has "
-            "arrived, where the environment goes on"
+            f"{'arrived' if plant.arrives(here).surely[0] else 'failed'}, where the environment "
+            "goes on"
         )
-    if arrived.maybe[0] or not over or type(plant).arrives is Plant.arrives:
+    if ends.maybe[0] or not over:
         return
     for one, later in zip(here, plant.step(here, np.arange(n_actions)), strict=True):
         if (later.low != one.low).any() or (later.high != one.high).any():
