@@ -29,6 +29,7 @@ from eutree.validation import check_numbers
 _AT_ONCE = 1 << 13  # boxes that are cut and moved together: their arrays stay in the cache
 _DRAWN, _KEPT, _ROUNDS = 2000, 20, 4  # starts of episodes that are drawn and kept, and how often
 _MOST_PLACES = 50_000_000  # cells of the grid that is laid around one layer
+_FARTHEST = 2.0**52  # number of a cell: so far each is told from the next
 _ROUND = 2.0**-50  # of the terms of a sum of a few
 
 
@@ -56,7 +57,13 @@ class Layers:
         # Of the cells along each axis; infinite where no test of the tree depends on it.
         self.width = np.where(matters, cells / refine, np.inf)
         self.box_steps = self.most = 0  # steps of boxes, and most boxes at once, so far
+        self.is_full = False  # whether a layer met more cells than there may be
         self._begin()
+
+    @property
+    def is_finest(self) -> bool:
+        """Whether finer cells lead no farther: there is no room for them, or there are none."""
+        return self.is_full or bool(np.isinf(self.width).all())
 
     def keeps(self, broken: Callable[[State], Truth], horizon: int, most: int) -> int:
         """Return for how many steps nothing that is reached is broken, by so many box steps."""
@@ -86,7 +93,8 @@ class Layers:
         ends = self._axes[:, :, None] * start
         size = np.abs(ends).max(axis=2).sum(axis=1) * _ROUND
         low, high = ends.min(axis=2).sum(axis=1) - size, ends.max(axis=2).sum(axis=1) + size
-        self._join(low[None], high[None])
+        self.low, self.high = low[None], high[None]  # all in one box, where there is no room
+        self._join(self.low, self.high)
         starts = kernels.Parts(*start.T[:, None])
         found = [part[:2] for part in self._parts(starts, self.low, self.high)]
         self.low, self.high = (np.concatenate(ends) for ends in zip(*found, strict=True))
@@ -121,9 +129,11 @@ class Layers:
 
     def _join(self, low: Floats, high: Floats) -> bool:
         """Take boxes together in the cells that they meet; return whether there was room."""
-        first = np.floor(low.min(axis=0) / self.width)
-        count = np.floor(high.max(axis=0) / self.width) - first + 1
-        if not count.prod() <= _MOST_PLACES:
+        with np.errstate(over="ignore", invalid="ignore"):  # of cells too narrow to be counted
+            first = np.floor(low.min(axis=0) / self.width)
+            count = np.floor(high.max(axis=0) / self.width) - first + 1
+        self.is_full = not (count.prod() <= _MOST_PLACES and np.abs(first).max() < _FARTHEST)
+        if self.is_full:
             return False
         places, met, size = int(count.prod()), -1, len(low)
         while met < 0:  # more cells than there was room for

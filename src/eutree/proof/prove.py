@@ -32,6 +32,7 @@ from eutree.trees.text import derived_features
 from eutree.validation import check_kind
 
 _TRIES = 20  # starts of undecided pieces that are replayed
+_HALVINGS = 50  # of the cells along axes at most, which takes them near the rounding of doubles
 _SHOWN = 5e-4  # of the starts: a share that is open and shown beside those that fail
 _SUMMED = 1e-9  # of the steps: greatest error of adding up shares
 
@@ -191,12 +192,12 @@ class _Proof:
     def by_layers(self) -> Certificate:
         """Return whether the conditions hold for some steps, from boxes along the plant's axes.
 
-        Cells are halved while a next time, four times the work, is within the effort.
+        Cells are halved while that may help, and a next time, four times the work, is within the
+        effort.
         """
         self._check_start()
-        steps = refine = spent = 0
-        while 5 * spent <= self._effort.box_steps:
-            refine = 2 * refine or 1
+        steps = spent = 0
+        for refine in (1 << k for k in range(_HALVINGS)):
             layers = Layers(self._policy, self._plant, refine)
             left = self._effort.box_steps - spent
             steps = max(steps, layers.keeps(self._broken, self._horizon, left))
@@ -209,6 +210,8 @@ class _Proof:
                 starts = worst_starts(acting, self._plant, self._harm, self._horizon)
                 if found := self._broken_from(starts):
                     return self._certificate(REFUTED, counterexample=found, work=work)
+            if layers.is_finest or 5 * spent > self._effort.box_steps:
+                break
         more = f"; it is proven for the first {steps} steps"
         return self._certificate(UNDECIDED, more, undecided=1.0, work=work)
 
