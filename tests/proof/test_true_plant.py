@@ -359,3 +359,28 @@ def test_a_property_of_arrival_needs_a_number_of_steps_where_nothing_limits_it(l
         prove(line(), Goal(), "arrives")
     with pytest.raises(InvalidArgumentError, match="must be about a number of steps"):
         prove(line(limit=10), Goal(), "arrives")
+
+
+def test_a_property_of_an_episode_ends_with_the_time_limit_that_gymnasium_alone_says(line):
+    """It was one for ever, without a grid refused, and open where an episode keeps it."""
+    policy = line(limit=10)
+    highest = 0.8 + 10 * 0.25
+    gridded = type("Own", (LinePlant,), {"grid": ((-5.0, 5.0, 100),)})
+    for plant in (LinePlant(), gridded()):
+        assert prove(policy, plant, f"stays in place <= {highest + 1e-9}", effort=FEW).proven
+        found = prove(policy, plant, f"avoids place > {highest - 0.1}", effort=FEW)
+        assert found.verdict == "refuted"
+        assert found.counterexample["steps"] == 10
+    assert not prove(line(), gridded(), f"stays in place <= {highest + 1e-9}", effort=FEW).proven
+
+
+@pytest.mark.parametrize("limit", [None, 10])
+def test_for_ever_goes_on_where_gymnasium_would_cut_the_episode_short(line, limit):
+    policy = line(limit=limit)
+    plant = type("Own", (LinePlant,), {"grid": ((-9.0, 9.0, 100),)})()
+    found = prove(policy, plant, "stays in place <= 8 for ever", effort=FEW)
+    assert found.verdict == "refuted"
+    env = plant.make()
+    place = env.reset(seed=found.counterexample["seed"])[0][0]
+    steps = found.counterexample["steps"]
+    assert place + 0.25 * (steps - 1) <= 8 < place + 0.25 * steps

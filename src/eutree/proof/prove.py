@@ -76,7 +76,8 @@ def prove(
     is_known = plant.reward is not None and plant.limit is not None
     if asked.kind == "returns" and asked.chance is None and is_known:
         return _of_return(prove(policy, plant, "arrives", effort=effort), asked, plant)
-    horizon = (plant.limit or EVER) if asked.horizon is None else asked.horizon
+    limit = plant.limit if asked.kind == "arrives" else plant.time_limit
+    horizon = (limit or EVER) if asked.horizon is None else asked.horizon
     if asked.kind == "arrives" and horizon != EVER:
         horizon = min(horizon, plant.time_limit or horizon)  # no episode arrives later
     if asked.kind == "returns":
