@@ -243,3 +243,19 @@ def test_measured_features_alone_are_those_of_a_first_step():
     assert why(policy, [3.0, 1.0]).action == 1
     with pytest.raises(InvalidArgumentError, match=r"observation must have 6 entries, got 3"):
         why(policy, [3.0, 1.0, 2.0])
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    cut=st.floats(-2.0, 2.0), value=st.floats(-2.0, 2.0), width=st.sampled_from([2.0, 40.0, 9e4])
+)
+def test_a_change_by_the_distance_that_is_shown_is_enough(cut, value, width):
+    """Distances were rounded down: of 0.0013 it said 0.0012, which changes nothing."""
+    schema = Schema((Feature("speed", "", -width, width),), ("left", "right"))
+    policy = TreePolicy(DecisionTree.single_leaf(1).split(0, 0, cut), [0, 1], schema)
+    found = why(policy, [value])
+    far = float(found.path[0].words.rpartition("by ")[2])
+    assert far <= 1.2 * abs(cut - value) + 1e-5 * width
+    nearest = 2.1e-6 * width  # of the range, within which numbers look the same
+    moved = value + (far + nearest) * (1 if value <= cut else -1)
+    assert policy.predict([moved])[0] != found.action

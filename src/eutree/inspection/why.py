@@ -239,9 +239,8 @@ def _changes(
 
 
 def _margin(digits: Digits, feature: int, distance: float) -> str:
-    """Return a distance in the digits of its feature; in one that says it, if these say 0."""
-    text = digits.text(feature, distance)
-    return text if float(text) or digits.are_one(feature, 0.0, distance) else f"{distance:.1g}"
+    """Return a distance in the digits of its feature, rounded up: so far is far enough."""
+    return digits.text(feature, -distance).removeprefix("-")  # what is below 0 goes down
 
 
 def _scale(policy: TreePolicy, scale: ArrayLike | None) -> Floats:
