@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from eutree.arrays import Floats, Integers
+from eutree.arrays import Booleans, Floats, Integers
 from eutree.errors import InvalidArgumentError, shown
 from eutree.policies import TreePolicy
 from eutree.policies.sklearn_tree import float64_thresholds
@@ -149,18 +149,19 @@ class Layers:
 
 
 def worst_starts(
-    acting: Acting, plant: Plant, harm: Callable[[Floats], Floats], horizon: int
+    acting: Acting, plant: Plant, harm: Callable[[Floats], Floats], horizon: int, whole: Booleans
 ) -> Floats:
     """Return starts [N, d] whose episodes do most harm at their worst step.
 
-    They are drawn, and then drawn again around those that did most. Episodes are played in the
-    plant, whose middles are not quite the environment: to be replayed in it. ``harm`` says how bad
-    measures [m, N] are, shape [N].
+    They are drawn, and then drawn again around those that did most, all rounded to whole numbers
+    along those that are ``whole`` [d]. Episodes are played in the plant, whose middles are not
+    quite the environment: to be replayed in it. ``harm`` says how bad measures [m, N] are, [N].
     """
     generator, bounds = np.random.default_rng(0), np.array(plant.start).T
     width = bounds[1] - bounds[0]
     starts = generator.uniform(bounds[0], bounds[1], (_DRAWN, len(width)))
     for nearer in range(_ROUNDS):
+        starts = np.where(whole, np.rint(starts), starts)
         order = np.argsort(-_harm(acting, plant, harm, starts, horizon), kind="stable")
         best = starts[order[:_KEPT]]
         near = np.repeat(best, _DRAWN // _KEPT - 1, axis=0)

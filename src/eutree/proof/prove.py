@@ -1,12 +1,13 @@
 """``prove``: a policy, a plant and a property make a certificate."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from eutree.arrays import Booleans, Floats, Integers
+from eutree.arrays import Booleans, Floats
 from eutree.errors import InvalidArgumentError
 from eutree.inspection import Region
 from eutree.policies import TreePolicy
@@ -27,7 +28,7 @@ from eutree.proof.layers import Layers, worst_starts
 from eutree.proof.plant import Plant, State
 from eutree.proof.properties import EVER, EpisodeProperty, parse
 from eutree.proof.reach import Acting, Effort, Reach
-from eutree.proof.replay import MOST_BOXES, breaking_seed, replay, starts_among
+from eutree.proof.replay import MOST_BOXES, breaking_seed, replay, starts_among, whole_starts
 from eutree.trees.text import derived_features
 from eutree.validation import check_kind
 
@@ -112,6 +113,12 @@ def prove(
 
 def _of_return(found: Certificate, asked: EpisodeProperty, plant: Plant) -> Certificate:
     """Return the certificate of the mean return over all starts that follows from that of steps."""
+    if "mean_return" not in found.bounds:
+        raise NeedsEpisodesError(
+            f"property {asked.text!r} must be of starts that are drawn from all numbers in their "
+            f"range to be proven; those of {plant.environment} are whole: let episodes answer "
+            "(--sampled)"
+        )
     low, high = found.bounds["mean_return"]
     least = asked.least or 0.0
     verdict = PROVEN if low >= least else REFUTED if high < least else UNDECIDED
@@ -156,15 +163,17 @@ class _Proof:
         open_ = (pieces.first != NEVER) & (pieces.last == NEVER)  # perhaps
         start = self._counterexample(pieces, fails, open_)
         verdict = REFUTED if start else UNDECIDED if (fails | open_).any() else PROVEN
+        is_shared = verdict == PROVEN or not self._whole.any()
         undecided = min(float(shares[open_].sum()), 1.0)
+        undecided = undecided if is_shared else float(verdict == UNDECIDED)
         bounds = self._bounds(pieces, shares)
         more, said = "", None
         if verdict == PROVEN and self._arriving:
             said = f"arrives within {bounds['steps'][1]} steps" if "steps" in bounds else "arrives"
-        elif verdict == REFUTED and fails.any():
+        elif verdict == REFUTED and fails.any() and is_shared:
             least = "at least " * (undecided > _SHOWN)
             more = f": not from {least}{100 * float(shares[fails].sum()):.3g} % of all starts"
-        elif verdict == UNDECIDED:
+        elif verdict == UNDECIDED and is_shared:
             more = f" for a share of {undecided:.3g} of them"
         if "mean_return" in bounds:
             low, high = bounds["mean_return"]
@@ -177,7 +186,7 @@ class _Proof:
             undecided=undecided,
             worst_start=self._worst(pieces) if self._arriving else None,
             counterexample=start,
-            starts=starts_among(pieces, fails | open_),
+            starts=starts_among(pieces, fails | open_) if is_shared else None,
             pieces=pieces,
             pictures=pictures_of_pieces(pieces, fails, open_),
             work={"pieces": len(pieces.first), "box_steps": reach.box_steps},
@@ -197,9 +206,9 @@ class _Proof:
         effort.
         """
         self._check_start()
-        steps = spent = 0
+        plant, steps, spent = self._plant, 0, 0
         for refine in (1 << k for k in range(_HALVINGS)):
-            layers = Layers(self._policy, self._plant, refine)
+            layers = Layers(self._policy, plant, refine)
             left = self._effort.box_steps - spent
             steps = max(steps, layers.keeps(self._broken, self._horizon, left))
             spent += layers.box_steps
@@ -207,9 +216,9 @@ class _Proof:
             if steps == self._horizon:
                 return self._certificate(PROVEN, work=work)
             if refine == 1:
-                acting = Acting(self._policy, self._plant)
-                starts = worst_starts(acting, self._plant, self._harm, self._horizon)
-                if found := self._broken_from(starts):
+                acting = Acting(self._policy, plant)
+                starts = worst_starts(acting, plant, self._harm, self._horizon, self._whole)
+                if found := self._broken_from(self._real(starts, *np.array(plant.start).T)):
                     return self._certificate(REFUTED, counterexample=found, work=work)
             if layers.is_finest or 5 * spent > self._effort.box_steps:
                 break
@@ -233,6 +242,7 @@ class _Proof:
         if not found.undecided:
             return self._certificate(PROVEN, pictures=pictures, work=work)
         box = [(one.low, one.high) for one in grid.boxes(np.flatnonzero(found.open_cells))]
+        starts = Starts(plant.state, *np.array(box).transpose(1, 2, 0)[:, :MOST_BOXES])
         seed = breaking_seed(plant, self._policy, self._broken)
         verdict = UNDECIDED if seed is None else REFUTED
         more = f" for a share of {found.undecided:.3g} of the cells with starts"
@@ -243,7 +253,7 @@ class _Proof:
             more,
             undecided=found.undecided,
             counterexample=seed,
-            starts=Starts(plant.state, *np.array(box).transpose(1, 2, 0)[:, :MOST_BOXES]),
+            starts=None if self._whole.any() else starts,
             pictures=pictures,
             work=work,
         )
@@ -279,13 +289,31 @@ class _Proof:
         self, pieces: Pieces, fails: Booleans, open_: Booleans
     ) -> dict[str, float] | None:
         """Return a start from which the real environment breaks the property, and when."""
-        found = self._broken_from(_middles(pieces, fails))
-        if fails.any() and found is None:
+        failing = self._middles(pieces, fails)
+        found = self._broken_from(failing)
+        if len(failing) and found is None:
             raise InvalidArgumentError(
                 f"plant must move as {self._plant.environment} does, but it refutes "
                 f"{self._asked.text!r} where the environment keeps it; see check_plant"
             )
-        return found or self._broken_from(_middles(pieces, open_))
+        return found or self._broken_from(self._middles(pieces, open_))
+
+    @cached_property
+    def _whole(self) -> Booleans:
+        """Which numbers of the starts are whole: then shares of their range are none of them."""
+        return whole_starts(self._plant)
+
+    def _middles(self, pieces: Pieces, chosen: Booleans) -> Floats:
+        """Return starts in the middles of the largest of some pieces, shape [N, d]."""
+        low, high = pieces.low[chosen], pieces.high[chosen]
+        order = np.argsort(-(high - low).sum(axis=1), kind="stable")
+        low, high = low[order], high[order]
+        return self._real(middle(low, high), low, high)[:_TRIES] if order.size else low
+
+    def _real(self, points: Floats, low: Floats, high: Floats) -> Floats:
+        """Return the points [N, d] in boxes at which real episodes may begin."""
+        points = np.where(self._whole, np.rint(points), points)
+        return points[((low <= points) & (points <= high)).all(axis=1)]
 
     def _broken_from(self, starts: Iterable[Floats]) -> dict[str, float] | None:
         """Return the first start from which Gymnasium breaks the property, and when."""
@@ -309,9 +337,11 @@ class _Proof:
         if (pieces.last == NEVER).any():
             return None
         slowest = pieces.first.argmax()
-        start = next(_middles(pieces, np.arange(len(pieces.first)) == slowest))
-        path = replay(self._plant, self._policy, start, self._horizon)
-        return self._named(start, len(path.states) - 1)
+        starts = self._middles(pieces, np.arange(len(pieces.first)) == slowest)
+        if not len(starts):
+            return None
+        path = replay(self._plant, self._policy, starts[0], self._horizon)
+        return self._named(starts[0], len(path.states) - 1)
 
     def _bounds(self, pieces: Pieces, shares: Floats) -> dict[str, tuple[float, float]]:
         if not self._arriving:
@@ -320,7 +350,7 @@ class _Proof:
         if (pieces.last != NEVER).all():
             bounds["steps"] = (int(pieces.first.min()), int(pieces.last.max()))
         limit, reward = self._plant.limit, self._plant.reward
-        if reward is not None and limit == self._horizon:
+        if reward is not None and limit == self._horizon and not self._whole.any():
             least, most = (
                 float((shares * np.minimum(steps, limit)).sum()) + sign * _SUMMED * limit
                 for steps, sign in ((pieces.shortest, -1), (pieces.last, 1))
@@ -351,11 +381,3 @@ def _shares(pieces: Pieces, plant: Plant) -> Floats:
     sides = (pieces.high - pieces.low)[:, varies] / width[varies]
     shares: Floats = sides.prod(axis=1)
     return shares
-
-
-def _middles(pieces: Pieces, chosen: Booleans) -> Iterator[Floats]:
-    """Yield the middles of the largest of some pieces."""
-    sides = (pieces.high - pieces.low)[chosen].sum(axis=1)
-    order: Integers = np.flatnonzero(chosen)[np.argsort(-sides, kind="stable")]
-    for k in order[:_TRIES]:
-        yield middle(pieces.low[k], pieces.high[k])
