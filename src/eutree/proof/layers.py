@@ -57,13 +57,9 @@ class Layers:
         # Of the cells along each axis; infinite where no test of the tree depends on it.
         self.width = np.where(matters, cells / refine, np.inf)
         self.box_steps = self.most = 0  # steps of boxes, and most boxes at once, so far
-        self.is_full = False  # whether a layer met more cells than there may be
+        # Whether finer cells lead no farther: there is no room for them, or only one that is all.
+        self.is_finest = bool(np.isinf(self.width).all())
         self._begin()
-
-    @property
-    def is_finest(self) -> bool:
-        """Whether finer cells lead no farther: there is no room for them, or there are none."""
-        return self.is_full or bool(np.isinf(self.width).all())
 
     def keeps(self, broken: Callable[[State], Truth], horizon: int, most: int) -> int:
         """Return for how many steps nothing that is reached is broken, by so many box steps."""
@@ -132,8 +128,8 @@ class Layers:
         with np.errstate(over="ignore", invalid="ignore"):  # of cells too narrow to be counted
             first = np.floor(low.min(axis=0) / self.width)
             count = np.floor(high.max(axis=0) / self.width) - first + 1
-        self.is_full = not (count.prod() <= _MOST_PLACES and np.abs(first).max() < _FARTHEST)
-        if self.is_full:
+        if not (count.prod() <= _MOST_PLACES and np.abs(first).max() < _FARTHEST):
+            self.is_finest = True
             return False
         places, met, size = int(count.prod()), -1, len(low)
         while met < 0:  # more cells than there was room for

@@ -340,15 +340,7 @@ class CartPole(Plant):
     def fails(self, state: State) -> Truth:
         """Return whether the cart has left the track, or the pole has fallen."""
         place, _, angle, _ = state
-        held = (place >= -_EDGE) & (place <= _EDGE) & (angle >= -_FALL) & (angle <= _FALL)
-        return ~held
-
-    def put(self, env: gymnasium.Env[Any, Any], point: Floats) -> Any:
-        """Begin an episode of the real cart in a state."""
-        observation = super().put(env, point)
-        real: Any = env.unwrapped
-        real.steps_beyond_terminated = None
-        return observation
+        return ~((place >= -_EDGE) & (place <= _EDGE) & (angle >= -_FALL) & (angle <= _FALL))
 
 
 _LEFT_END, _RIGHT_END = -1.2, 0.6

@@ -28,13 +28,13 @@ from eutree.proof.layers import Layers, worst_starts
 from eutree.proof.plant import Plant, State
 from eutree.proof.properties import EVER, EpisodeProperty, parse
 from eutree.proof.reach import Acting, Effort, Reach
-from eutree.proof.replay import MOST_BOXES, breaking_seed, replay, starts_among, whole_starts
+from eutree.proof.replay import MOST_BOXES, breaking_seed, replay, starts_among
 from eutree.trees.text import derived_features
 from eutree.validation import check_kind
 
 _TRIES = 20  # starts of undecided pieces that are replayed
 _HALVINGS = 50  # of the cells along axes at most, which takes them near the rounding of doubles
-_SHOWN = 5e-4  # of the starts: a share that is open and shown beside those that fail
+_BEGUN = 16  # episodes: real numbers that are drawn are hardly ever whole
 _SUMMED = 1e-9  # of the steps: greatest error of adding up shares
 
 
@@ -75,8 +75,10 @@ def prove(
     if (own := plant.certify(policy, asked, effort.refinements)) is not None:
         return own
     is_known = plant.reward is not None and plant.limit is not None
-    if asked.kind == "returns" and asked.chance is None and is_known:
-        return _of_return(prove(policy, plant, "arrives", effort=effort), asked, plant)
+    if of_mean := asked.kind == "returns" and asked.chance is None and is_known:
+        found = prove(policy, plant, "arrives", effort=effort)
+        if "mean_return" in found.bounds:
+            return _of_return(found, asked, plant)
     limit = plant.limit if asked.kind == "arrives" else plant.time_limit
     horizon = (limit or EVER) if asked.horizon is None else asked.horizon
     if asked.kind == "arrives" and horizon != EVER:
@@ -84,7 +86,8 @@ def prove(
     if asked.kind == "returns":
         raise NeedsEpisodesError(
             f"property {asked.text!r} is about chance or returns, of which the plant of "
-            f"{plant.environment} says nothing; let episodes answer (--sampled)"
+            f"{plant.environment} says nothing{' of starts at whole numbers' * of_mean}; let "
+            "episodes answer (--sampled)"
         )
     if asked.kind not in ("arrives", "stays", "avoids"):
         raise InvalidArgumentError(
@@ -113,12 +116,6 @@ def prove(
 
 def _of_return(found: Certificate, asked: EpisodeProperty, plant: Plant) -> Certificate:
     """Return the certificate of the mean return over all starts that follows from that of steps."""
-    if "mean_return" not in found.bounds:
-        raise NeedsEpisodesError(
-            f"property {asked.text!r} must be of starts that are drawn from all numbers in their "
-            f"range to be proven; those of {plant.environment} are whole: let episodes answer "
-            "(--sampled)"
-        )
     low, high = found.bounds["mean_return"]
     least = asked.least or 0.0
     verdict = PROVEN if low >= least else REFUTED if high < least else UNDECIDED
@@ -164,14 +161,14 @@ class _Proof:
         start = self._counterexample(pieces, fails, open_)
         verdict = REFUTED if start else UNDECIDED if (fails | open_).any() else PROVEN
         is_shared = verdict == PROVEN or not self._whole.any()
-        undecided = min(float(shares[open_].sum()), 1.0)
-        undecided = undecided if is_shared else float(verdict == UNDECIDED)
-        bounds = self._bounds(pieces, shares)
+        share = shares[open_].sum() if is_shared else verdict == UNDECIDED
+        undecided = min(float(share), 1.0)
+        bounds = self._bounds(pieces, shares) if self._arriving else {}
         more, said = "", None
         if verdict == PROVEN and self._arriving:
             said = f"arrives within {bounds['steps'][1]} steps" if "steps" in bounds else "arrives"
         elif verdict == REFUTED and fails.any() and is_shared:
-            least = "at least " * (undecided > _SHOWN)
+            least = "at least " * (undecided > 5e-4)
             more = f": not from {least}{100 * float(shares[fails].sum()):.3g} % of all starts"
         elif verdict == UNDECIDED and is_shared:
             more = f" for a share of {undecided:.3g} of them"
@@ -202,8 +199,7 @@ class _Proof:
     def by_layers(self) -> Certificate:
         """Return whether the conditions hold for some steps, from boxes along the plant's axes.
 
-        Cells are halved while that may help, and a next time, four times the work, is within the
-        effort.
+        Cells are halved while that may help and a next time, four times the work, is in the effort.
         """
         self._check_start()
         plant, steps, spent = self._plant, 0, 0
@@ -300,8 +296,13 @@ class _Proof:
 
     @cached_property
     def _whole(self) -> Booleans:
-        """Which numbers of the starts are whole: then shares of their range are none of them."""
-        return whole_starts(self._plant)
+        """Which numbers of the start are drawn as whole ones, shape [d]: they have no shares."""
+        env, states = self._plant.make(), []
+        for seed in range(_BEGUN):
+            env.reset(seed=seed)
+            states.append(self._plant.state_of(env))
+        env.close()
+        return np.asarray((np.rint(states) == states).all(axis=0) & (np.ptp(states, axis=0) > 0))
 
     def _middles(self, pieces: Pieces, chosen: Booleans) -> Floats:
         """Return starts in the middles of the largest of some pieces, shape [N, d]."""
@@ -334,18 +335,13 @@ class _Proof:
 
     def _worst(self, pieces: Pieces) -> dict[str, float] | None:
         """Return a start that takes longest, and its steps when replayed; None if one may never."""
-        if (pieces.last == NEVER).any():
-            return None
-        slowest = pieces.first.argmax()
-        starts = self._middles(pieces, np.arange(len(pieces.first)) == slowest)
-        if not len(starts):
+        starts = self._middles(pieces, np.arange(len(pieces.first)) == pieces.first.argmax())
+        if (pieces.last == NEVER).any() or not len(starts):
             return None
         path = replay(self._plant, self._policy, starts[0], self._horizon)
         return self._named(starts[0], len(path.states) - 1)
 
     def _bounds(self, pieces: Pieces, shares: Floats) -> dict[str, tuple[float, float]]:
-        if not self._arriving:
-            return {}
         bounds: dict[str, tuple[float, float]] = {}
         if (pieces.last != NEVER).all():
             bounds["steps"] = (int(pieces.first.min()), int(pieces.last.max()))

@@ -21,7 +21,6 @@ from eutree.proof.intervals import Intervals, Truth
 from eutree.proof.plant import Plant, State, plant_of
 
 _SEEDS, _MOST_STEPS = 200, 10_000  # of an episode that is played to break a property
-_BEGUN = 4  # episodes: real numbers that are drawn are hardly ever whole
 _LONG = 2  # of them: so many go on where Gymnasium would cut them short
 
 
@@ -71,17 +70,6 @@ def replay(
 
 def _chosen(policy: TreePolicy, measured: Floats) -> int:
     return policy.act(policy.derivation.behind(measured).tolist())
-
-
-def whole_starts(plant: Plant) -> Booleans:
-    """Return which numbers of a start are whole in each episode of a few, shape [d]."""
-    env, states = plant.make(), []
-    for seed in range(_BEGUN):
-        env.reset(seed=seed)
-        states.append(plant.state_of(env))
-    env.close()
-    varies = np.diff(plant.start)[:, 0] > 0
-    return np.asarray((np.rint(states) == states).all(axis=0) & varies)
 
 
 def breaking_seed(
@@ -178,9 +166,8 @@ def _check_end(plant: Plant, state: Floats, n_actions: int, over: bool) -> None:
     ends = plant.ends(here)
     if ends.surely[0] and not over:
         raise InvalidArgumentError(
-            f"plant must end as {plant.environment} does: it says that {state.tolist()} has "
-            f"{'arrived' if plant.arrives(here).surely[0] else 'failed'}, where the environment "
-            "goes on"
+            f"plant must end as {plant.environment} does: it says that an episode is over in "
+            f"{state.tolist()}, where the environment goes on"
         )
     if ends.maybe[0] or not over:
         return
