@@ -8,7 +8,7 @@ import pytest
 from gymnasium.envs.registration import EnvSpec
 
 from eutree.errors import InvalidArgumentError
-from eutree.proof import Plant, check_plant, prove, replay, where
+from eutree.proof import Effort, Plant, check_plant, prove, replay, where
 from eutree.schema import EnvironmentSpec
 from tests.proof.policies import policy_of
 
@@ -219,3 +219,12 @@ def test_an_end_where_the_environment_goes_on_is_found(walk):
     plant = FallingPlant(type("Own", (walk()._kind,), {"pit": -1.5}), None)
     with pytest.raises(InvalidArgumentError, match=r"over in .*, where the environment goes on"):
         checked(plant)
+
+
+def test_a_share_is_a_bound_where_other_starts_are_open(walk):
+    plant, policy = walk(pit=-1.5), policy_of(LEFT, NAME)
+    found = prove(policy, plant, "stays in place >= -1.8 for 9 steps", effort=Effort(smallest=0.2))
+    assert found.verdict == "refuted"
+    assert found.sentence.endswith(" % of all starts at least")
+    share = float(found.sentence.split("not from ")[1].split(" %")[0]) / 100
+    assert share < 0.7 < share + found.undecided

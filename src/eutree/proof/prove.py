@@ -168,8 +168,8 @@ class _Proof:
         if verdict == PROVEN and self._arriving:
             said = f"arrives within {bounds['steps'][1]} steps" if "steps" in bounds else "arrives"
         elif verdict == REFUTED and fails.any() and is_shared:
-            least = "at least " * (undecided > 5e-4)
-            more = f": not from {least}{100 * float(shares[fails].sum()):.3g} % of all starts"
+            more = f": not from {100 * float(shares[fails].sum()):.3g} % of all starts"
+            more += " at least" * (undecided > 5e-4)
         elif verdict == UNDECIDED and is_shared:
             more = f" for a share of {undecided:.3g} of them"
         if "mean_return" in bounds:
