@@ -44,7 +44,7 @@ def assert_under(figure: int, ceiling: int) -> None:
     assert figure >= ceiling * (1 - SLACK) - 2, f"lower the ceiling of {ceiling} to {figure}"
 
 
-@pytest.mark.parametrize(("package", "ceiling"), [("eutree", 58_875), ("eutree_lab", 10_000)])
+@pytest.mark.parametrize(("package", "ceiling"), [("eutree", 58_935), ("eutree_lab", 10_000)])
 def test_lines_of_source(package: str, ceiling: int) -> None:
     """Targets: 42,000 lines of the core, then 40,000; 10,000 of the lab.
 
@@ -55,7 +55,8 @@ def test_lines_of_source(package: str, ceiling: int) -> None:
     and but for 60 of explorers that go where nobody was; and for 160 of frames read by name in
     every room, masks of parts, turns that wait, and angles that a network learns; and for 50 of
     proofs in which the last of 64 actions, or a number that may be none, was lost; and for 65 of
-    mean returns of episodes that end in a pit, and of names in exports.
+    mean returns of episodes that end in a pit, and of names in exports; and for 60 of shares where
+    episodes end before a property breaks or begin at whole numbers, and of features under masks.
     """
     assert_under(lines(files(package)), ceiling)
 
