@@ -329,7 +329,7 @@ class _Table:
         return float(code)
 
     def _number(self, row: dict[str, str], column: str) -> float:
-        text = self._with_point(row[column]) if self._delimiter != "," else row[column]
+        text = self._with_point(row[column])
         try:
             number = float(text)
         except ValueError:

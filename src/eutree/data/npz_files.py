@@ -102,7 +102,7 @@ def _rows(arrays: _Arrays) -> tuple[Episode, ...]:
         if terminated is None:
             terminated = dones if truncated is None else np.logical_and(dones, truncated == 0)
         elif truncated is None:
-            truncated = dones.astype(bool) & ~terminated.astype(bool)
+            truncated = np.logical_and(dones, terminated == 0)
     elif terminated is not None:
         dones = terminated if truncated is None else np.logical_or(terminated, truncated)
     starts = np.arange(len(arrays["acts"])) == 0

@@ -82,14 +82,14 @@ class Plant:
 
     def arrives(self, state: State) -> Truth:
         """Return whether states end an episode well: N statements."""
-        return Truth(*[np.zeros(np.shape(Intervals.of(state[0]).low), dtype=bool)] * 2)
+        return _never(state)
 
     def fails(self, state: State) -> Truth:
         """Return whether states end an episode otherwise: N statements.
 
         Where it may end so and this does not say it, ``step`` must leave the state as it is.
         """
-        return Plant.arrives(self, state)
+        return _never(state)
 
     def ends(self, state: State) -> Truth:
         """Return whether states end an episode, well or otherwise."""
@@ -255,6 +255,11 @@ class Plant:
             raise InvalidArgumentError(
                 f"all actions must be allowed everywhere for a proof; {self.environment} has masks"
             )
+
+
+def _never(state: State) -> Truth:
+    """Return of states that what is asked is so in none of them: N statements."""
+    return Truth(*[np.zeros(np.shape(Intervals.of(state[0]).low), dtype=bool)] * 2)
 
 
 def from_a_start(plant: Plant, n_actions: int) -> State:

@@ -34,6 +34,7 @@ from eutree.validation import check_kind
 
 _TRIES = 20  # starts of undecided pieces that are replayed
 _HALVINGS = 50  # of the cells along axes at most, which takes them near the rounding of doubles
+_SHOWN = 5e-4  # of the starts: least share that is open and said beside those that fail
 _BEGUN = 16  # episodes: real numbers that are drawn are hardly ever whole
 _SUMMED = 1e-9  # of the steps: greatest error of adding up shares
 
@@ -86,8 +87,8 @@ def prove(
     if asked.kind == "returns":
         raise NeedsEpisodesError(
             f"property {asked.text!r} is about chance or returns, of which the plant of "
-            f"{plant.environment} says nothing{' of starts at whole numbers' * of_mean}; let "
-            "episodes answer (--sampled)"
+            f"{plant.environment} says nothing{' of starts at whole numbers' if of_mean else ''}; "
+            "let episodes answer (--sampled)"
         )
     if asked.kind not in ("arrives", "stays", "avoids"):
         raise InvalidArgumentError(
@@ -169,25 +170,19 @@ class _Proof:
             said = f"arrives within {bounds['steps'][1]} steps" if "steps" in bounds else "arrives"
         elif verdict == REFUTED and fails.any() and is_shared:
             more = f": not from {100 * float(shares[fails].sum()):.3g} % of all starts"
-            more += " at least" * (undecided > 5e-4)
+            more += " at least" if undecided > _SHOWN else ""
         elif verdict == UNDECIDED and is_shared:
             more = f" for a share of {undecided:.3g} of them"
         if "mean_return" in bounds:
             low, high = bounds["mean_return"]
             more += f"; the mean return over all starts is in [{low:.6g}, {high:.6g}]"
         return self._certificate(
-            verdict,
-            more,
-            said=said,
-            bounds=bounds,
-            undecided=undecided,
-            worst_start=self._worst(pieces) if self._arriving else None,
-            counterexample=start,
+            verdict, more, said=said, bounds=bounds, undecided=undecided, counterexample=start,
+            worst_start=self._worst(pieces) if self._arriving else None, pieces=pieces,
             starts=starts_among(pieces, fails | open_) if is_shared else None,
-            pieces=pieces,
             pictures=pictures_of_pieces(pieces, fails, open_),
             work={"pieces": len(pieces.first), "box_steps": reach.box_steps},
-        )
+        )  # fmt: skip
 
     def _certificate(
         self, verdict: str, more: str = "", *, said: str | None = None, **fields: Any
