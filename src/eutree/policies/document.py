@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 from msgspec.structs import astuple
 
-from eutree.arrays import Floats
+from eutree.arrays import Floats, Integers
 from eutree.errors import FormatError, InvalidArgumentError, blamed
 from eutree.files import Document
 from eutree.files.documents import checksum_of, encode_document
@@ -26,7 +26,6 @@ from eutree.trees import DecisionTree
 
 # Node 0 is the root. A node is either ``{"feature", "threshold", "left", "right"}`` (true of
 # ``x[feature] <= threshold`` goes left, everything else, NaN included, right) or ``{"leaf"}``.
-
 
 _Number = Annotated[int, msgspec.Meta(ge=-1, lt=2**31 - 1)]
 
@@ -118,6 +117,7 @@ class PolicyDocument(Document, frozen=True, kw_only=True, omit_defaults=True):
     checksum: str = ""  # filled in on writing
 
 
+_STATISTICS = ("visits", "values", "deviations")  # of a leaf, a row of numbers each
 PolicyParts = dict[str, Any]  # fields of a ``TreePolicy``, which is made with this module
 
 
@@ -165,42 +165,29 @@ def check_unchanged(document: PolicyDocument, path: str | Path) -> None:
 
     Files of version 1 have none.
     """
-    if document.version < 2:
-        return
-    found = checksum_of(document)
-    if document.checksum != found:
-        raise FormatError(
-            path,
-            "checksum",
+    if document.version >= 2 and document.checksum != (found := checksum_of(document)):
+        reason = (
             f"the file was changed after eutree wrote it: its checksum is {document.checksum!r}, "
             f"that of its content {found!r}. If the change is meant, look at it and accept it: "
-            f"eutree edit {path} --reseal",
+            f"eutree edit {path} --reseal"
         )
+        raise FormatError(path, "checksum", reason)
 
 
 def _leaves_to_document(parts: PolicyParts) -> list[LeafDocument]:
-    actions, known, locked = parts["actions"].tolist(), parts["leaves"], set(parts["locked"])
-    if known is None:
-        return [
-            LeafDocument(action, locked=number in locked) for number, action in enumerate(actions)
-        ]
+    actions, known = parts["actions"].tolist(), parts["leaves"]
     shape = (len(actions), parts["schema"].n_actions)
-    for name in ("visits", "values", "deviations"):
-        if getattr(known, name).shape != shape:
-            raise InvalidArgumentError(
-                f"leaves.{name} must have shape {shape}, got {getattr(known, name).shape}"
-            )
-    rows = zip(
-        actions,
-        known.visits.tolist(),
-        _nan_to_none(known.values),
-        _nan_to_none(known.deviations),
-        strict=True,
-    )
-    return [LeafDocument(*row, locked=number in locked) for number, row in enumerate(rows)]
+    columns: list[list[Any]] = [[None] * len(actions) for _ in _STATISTICS]
+    for place, name in enumerate(() if known is None else _STATISTICS):
+        matrix = getattr(known, name)
+        if matrix.shape != shape:
+            raise InvalidArgumentError(f"leaves.{name} must have shape {shape}, got {matrix.shape}")
+        columns[place] = _nan_to_none(matrix)
+    locked = np.isin(range(len(actions)), parts["locked"]).tolist()
+    return [LeafDocument(*row) for row in zip(actions, *columns, locked, strict=True)]
 
 
-def _nan_to_none(matrix: Floats) -> list[list[float | None]]:
+def _nan_to_none(matrix: Floats | Integers) -> list[list[float | None]]:
     return [[None if value != value else value for value in row] for row in matrix.tolist()]
 
 
@@ -208,10 +195,9 @@ def _statistics(
     leaves: list[LeafDocument], n_actions: int, path: str | Path
 ) -> LeafStatistics | None:
     """Return the statistics if every leaf has them, None if none has."""
-    columns: dict[str, list[list[int]] | list[list[float | None]]] = {
-        "visits": [leaf.visits for leaf in leaves if leaf.visits is not None],
-        "values": [leaf.values for leaf in leaves if leaf.values is not None],
-        "deviations": [leaf.deviations for leaf in leaves if leaf.deviations is not None],
+    columns: dict[str, list[list[Any]]] = {
+        name: [row for leaf in leaves if (row := getattr(leaf, name)) is not None]
+        for name in _STATISTICS
     }
     if not any(columns.values()):
         return None
@@ -225,7 +211,4 @@ def _statistics(
         raise FormatError(path, "leaves", "visits must fit 64 bits") from None
     if visits.min() < 0:
         raise FormatError(path, "leaves", f"visits must be >= 0, got {visits.min()}")
-    values, deviations = (
-        np.array(columns[name], dtype=np.float64) for name in ("values", "deviations")
-    )
-    return LeafStatistics(visits, values, deviations)
+    return LeafStatistics(visits, *(np.array(columns[one], float) for one in _STATISTICS[1:]))
