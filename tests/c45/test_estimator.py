@@ -427,6 +427,35 @@ def test_texts_beside_categories_are_named_too() -> None:
         fit([["a", "p"], ["b", "q"]], nominal_features=[0])
 
 
+def test_categories_that_are_not_nominal_are_named() -> None:
+    """Beside integers that may be missing, pandas says it in other words, and of no column."""
+    pandas = pytest.importorskip("pandas")
+    for names in (list("ab"), [("a",), ("b",)]):
+        column = pandas.Categorical([names[k % 2] for k in range(10)])
+        frame = pandas.DataFrame({"s": column, "i": pandas.array([1, 2] * 5, "Int64")})
+        with pytest.raises(InvalidArgumentError, match=r"say nominal_features=\['s'\], or"):
+            C45Classifier(nominal_features=None).fit(frame, [0, 1] * 5)
+
+
+class NAType:
+    """As pandas.NA: neither a number nor equal to anything."""
+
+
+def test_what_is_missing_among_numbers_is_unknown() -> None:
+    """Without a nominal column pandas.NA was a bare TypeError."""
+    rows = [[1.0, 1.0], [2.0, 3.0], [4.0, 5.0], [2.0, 3.0], [5.0, 6.0], [NAType(), 0.5]]
+    known = [[np.nan if isinstance(v, NAType) else v for v in row] for row in rows]
+    y = [0, 1, 1, 1, 1, 0]
+    for given in (rows, np.array(rows, dtype=object)):
+        model, wanted = C45Classifier().fit(given, y), C45Classifier().fit(known, y)
+        assert model.export_text() == wanted.export_text()
+        assert (model.predict_proba(given) == wanted.predict_proba(known)).all()
+    with pytest.raises(InvalidArgumentError, match="column 1 must not hold infinity"):
+        C45Classifier().fit([*rows[1:], [1.0, np.inf]], y)
+    with pytest.raises(InvalidArgumentError, match=r"say nominal_features=\[1\], or"):
+        C45Classifier().fit([*rows[1:], [1.0, "warm"]], y)
+
+
 def test_categories_of_polars_and_pyarrow() -> None:
     polars, pyarrow = pytest.importorskip("polars"), pytest.importorskip("pyarrow")
     wanted = C45Classifier(nominal_features=[0]).fit([[code, 0.5] for code in CODES], ODD)

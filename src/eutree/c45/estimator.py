@@ -1,5 +1,6 @@
 """C4.5 as a scikit-learn estimator; needs the extra ``sklearn``."""
 
+import re
 from collections.abc import Iterable, Sequence
 from html import escape
 from typing import Any, Literal
@@ -16,6 +17,7 @@ from eutree.trees import DecisionTree
 from eutree.validation import check_choice, columns_of, has_own
 
 CATEGORIES = ("category", "Categorical", "Enum", "dictionary")  # of pandas, polars, pyarrow
+_OF_STRINGS = re.compile("could not convert string|Cannot cast (str|object)")  # NumPy's, pandas'
 
 
 def _types(table: Any) -> list[Any]:
@@ -55,13 +57,13 @@ def _no_numbers(what: str, table: Any, nominal: Booleans, error: Exception) -> I
     Columns are named in a data frame, else numbered. ``nominal`` is a mask, shape [d], or empty.
     """
     helps = ""
-    if "could not convert string" in str(error):
+    if _OF_STRINGS.search(str(error)):
         rows = np.asarray(table, dtype=object)
         _check_2d(rows.shape)
         wanted = [
             _called(table, column)
-            for column in range(rows.shape[1])
-            if (nominal.size and nominal[column]) or any(_is_text(v) for v in rows[:, column])
+            for column, values in enumerate(rows.T)
+            if nominal[column : column + 1].any() or any(map(_is_name, values))
         ]
         helps = (
             "; for the columns of strings say "
@@ -76,13 +78,12 @@ def _called(table: Any, column: int) -> str | int:
     return str(names[column]) if names else column
 
 
-def _is_text(value: Any) -> bool:
-    """Return whether a value is a string that is no number."""
-    if isinstance(value, str):
-        try:
-            float(value)
-        except ValueError:
-            return True
+def _is_name(value: Any) -> bool:
+    """Return whether a value is known and no number."""
+    try:
+        float(value)
+    except (TypeError, ValueError):
+        return not is_missing(value)
     return False
 
 
@@ -147,8 +148,7 @@ def encode(
                 raise InvalidArgumentError(f"{called} must not hold infinity")
             continue
         code_of = {value: code for code, value in enumerate(values)}
-        codes = [np.nan if is_missing(value) else code_of.get(value, -1) for value in column]
-        numbers[:, j] = codes
+        numbers[:, j] = [np.nan if is_missing(v) else code_of.get(v, -1) for v in column]
         new = numbers[:, j] < 0
         if new.any() and handle_unknown == "error":
             listing = sorted({repr(value) for value in column[new]})
@@ -353,24 +353,25 @@ class C45Classifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # sk
         else:
             nominal = np.array([values is not None for values in self.categories_])
         extra: dict[str, Any] = {"y": y} if fitting else {"reset": False}
-        given = X
-        if nominal.any():
-            checks = {"dtype": object, "ensure_all_finite": False}
-            given = X.astype(object) if hasattr(X, "astype") else X  # or NumPy makes numbers of it
-        else:
-            checks = {"dtype": np.float64, "ensure_all_finite": "allow-nan", "order": "C"}
+        numbers = {"dtype": np.float64, "ensure_all_finite": "allow-nan", "order": "C", **extra}
+        checked = None
         try:
-            checked = validate_data(self, given, **extra, **checks)
-        except ValueError as error:
-            if "could not convert string" not in str(error):
+            if not nominal.any():
+                checked = validate_data(self, X, **numbers)
+        except (TypeError, ValueError) as error:
+            if _OF_STRINGS.search(str(error)):
+                raise _no_numbers("columns that are not nominal", X, nominal, error) from None
+            if "NAType" not in str(error):  # which as an object is an unknown value
                 raise
-            raise _no_numbers("columns that are not nominal", X, nominal, error) from None
+        if checked is None:
+            given = X.astype(object) if hasattr(X, "astype") else X  # or NumPy makes numbers of it
+            checked = validate_data(self, given, dtype=object, ensure_all_finite=False, **extra)
         table, y = checked if fitting else (checked, None)
         if fitting:
             named = np.flatnonzero(nominal)
             self.categories_: list[NDArray[Any] | None] = [
                 values_of(X, table, j) if j in named else None for j in range(table.shape[1])
             ]
-        if not nominal.any():
+        if table.dtype != object:
             return table, y
         return encode(X, table, self.categories_, self.handle_unknown), y
