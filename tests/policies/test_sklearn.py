@@ -198,6 +198,45 @@ def test_names_and_numbers_of_classes():
         TreePolicy.from_sklearn(DecisionTreeClassifier().fit(rows, 7 * (labels == "go")), EVASION)
 
 
+@pytest.mark.parametrize("kind", [int, np.int8, np.uint64])
+def test_numbers_of_classes_are_numbers_of_actions_whatever_their_names(kind):
+    """With actions named -1, 0 and 1, number 0 was taken for the action of that name."""
+    rows = np.random.default_rng(1).normal(size=(50, 3))
+    schema = Schema(NAMED.features, ("-1", "0", "1"))
+    for classes in ([0, 1], [1, 2], [0, 1, 2], [2]):
+        numbers = np.array(classes, dtype=kind)[np.arange(50) % len(classes)]
+        classifier = DecisionTreeClassifier().fit(rows, numbers)
+        policy = TreePolicy.from_sklearn(classifier, schema)
+        assert policy.predict(rows)[0].tolist() == classifier.predict(rows).tolist()
+        texts = DecisionTreeClassifier().fit(rows, np.array(schema.actions)[numbers])
+        named = TreePolicy.from_sklearn(texts, schema)
+        assert named.predict(rows)[0].tolist() == numbers.tolist()
+
+
+def test_numbers_that_are_no_numbers_of_actions_are_names():
+    rows = np.random.default_rng(1).normal(size=(50, 3))
+    for names in ([-1, 0, 1], [1, 2, 3], [0, 100]):
+        labels = np.array(names)[np.arange(50) % len(names)]
+        classifier = DecisionTreeClassifier().fit(rows, labels)
+        for schema in (Schema(NAMED.features, tuple(map(str, names))), None):
+            policy = TreePolicy.from_sklearn(classifier, schema)
+            found = [policy.schema.actions[action] for action in policy.predict(rows)[0]]
+            assert found == list(map(str, labels))
+    with pytest.raises(UnknownNameError, match="class '7'"):
+        TreePolicy.from_sklearn(
+            DecisionTreeClassifier().fit(rows, 7 * (rows[:, 0] > 0)),
+            Schema(NAMED.features, ("a", "b")),
+        )
+
+
+def test_fit_compares_the_numbers_of_rows(policy, rows):
+    """Five rows with two classes were taken."""
+    model = TreePolicyClassifier(policy)
+    with pytest.raises(ValueError, match=r"inconsistent numbers of samples: \[5, 2\]"):
+        model.fit(rows[:5], [0, 1])
+    assert model.fit(rows[:5]).fit(y=[0, 1]).fit(rows[:2], [0, 1]) is model
+
+
 def test_weighted_rows_are_not_counted():
     rows = np.random.default_rng(1).normal(size=(50, 3))
     classifier = DecisionTreeClassifier(class_weight="balanced").fit(rows, np.arange(50) % 3 == 0)

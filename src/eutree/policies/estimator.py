@@ -15,7 +15,7 @@ with needed("scikit-learn", "sklearn"):
     from sklearn.tree import DecisionTreeClassifier
     from sklearn.tree._tree import Tree
     from sklearn.utils.metaestimators import available_if
-    from sklearn.utils.validation import _check_n_features, check_array
+    from sklearn.utils.validation import _check_n_features, check_array, check_consistent_length
 
 
 class TreePolicyClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # sklearn has no types
@@ -88,9 +88,10 @@ class TreePolicyClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc
 
         Raises:
             InvalidArgumentError: ``y`` holds a value that is no action of the policy.
+            ValueError: ``X`` and ``y`` have different numbers of rows.
         """
         if X is not None:
-            self._rows(X)
+            check_consistent_length(self._rows(X), y)
         if y is not None:
             strange = np.setdiff1d(np.asarray(y), self.classes_)
             if strange.size:

@@ -100,23 +100,24 @@ def float64_thresholds(thresholds: Floats) -> Floats:
 
 
 def _schema(classifier: Any) -> Schema:
-    names = getattr(classifier, "feature_names_in_", None)
-    if names is None:
-        names = [f"x{number}" for number in range(classifier.tree_.n_features)]
+    numbered = [f"x{number}" for number in range(classifier.tree_.n_features)]
+    names = getattr(classifier, "feature_names_in_", numbered)
     actions = tuple(str(label) for label in classifier.classes_.tolist())
     return Schema(tuple(Feature(str(name)) for name in names), actions)
 
 
 def _numbers(classes: Any, schema: Schema) -> Any:
-    """Return the action of each class: classes are names of actions, or else their numbers."""
-    labels = classes.tolist()
-    names = [str(label) for label in labels]
-    if set(names) <= set(schema.actions):
-        return np.array([schema.actions.index(name) for name in names], dtype=np.int64)
-    for label in labels:
-        if not isinstance(label, int) or not 0 <= label < schema.n_actions:
-            raise UnknownNameError("class", str(label), schema.actions)
-    return np.array(labels, dtype=np.int64)
+    """Return the action of each class: classes are numbers of actions, or else their names.
+
+    A number may be the name of another action, too; demonstrations hold numbers.
+    """
+    labels, numbers = classes.tolist(), range(schema.n_actions)
+    if all(label in numbers for label in labels):
+        return np.array(labels, dtype=np.int64)
+    strange = [label for label in labels if str(label) not in schema.actions]
+    if strange:  # what is no number either, before others
+        raise UnknownNameError("class", str(min(strange, key=numbers.__contains__)), schema.actions)
+    return np.array([schema.actions.index(str(label)) for label in labels], dtype=np.int64)
 
 
 def _statistics(
