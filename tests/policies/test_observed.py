@@ -7,6 +7,7 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium import spaces
+from gymnasium.vector import SyncVectorEnv
 
 import eutree
 from eutree.errors import InvalidArgumentError
@@ -249,3 +250,94 @@ def test_act_compares_doubles_as_predict_does(features, threshold):
     policy = TreePolicy(tree, np.array([0, 1]), Schema.anonymous(1, 2))
     assert policy.act(features) == policy.predict(features)[0] == policy.predict([features])[0][0]
     assert policy.act(features) == policy.act([float(features[0])])
+
+
+CODE = spaces.Discrete(9)
+PARTS = {
+    "codes by name": spaces.Dict({"a": CODE, "b": CODE}),
+    "one code by name": spaces.Dict({"a": CODE}),
+    "one code in a tuple": spaces.Tuple([CODE]),
+    "numbers by name": spaces.Dict({"a": spaces.Box(0, 1, (1,)), "b": spaces.Box(0, 1, (1,))}),
+    "arrays by name": spaces.Dict({"pos": spaces.Box(0, 1, (2,)), "v": spaces.Box(0, 1, (1,))}),
+    "array and code": spaces.Dict({"pos": spaces.Box(0, 1, (2,)), "a": CODE}),
+    "nested": spaces.Dict({"at": spaces.Tuple([CODE, spaces.Box(0, 1, (1,))]), "a": CODE}),
+    "bits": spaces.Dict({"a": spaces.MultiBinary(1), "b": spaces.MultiBinary(1)}),
+}
+FLAT = {
+    "array": spaces.Box(0, 1, (3,)),
+    "one number": spaces.Box(0, 1, (1,)),
+    "codes": spaces.MultiDiscrete([4, 5]),
+    "one code": spaces.MultiDiscrete([4]),
+}
+SINGLE = {"code": CODE, "scalar": spaces.Box(0, 1, ())}
+
+
+def halved(space):
+    """Return an environment of a space, a tree with a cut in each feature, and its guard."""
+    guarded = GuardedEnv(Sees(space))
+    features = guarded.schema.features
+    tree = DecisionTree.single_leaf(len(features))
+    for j, feature in enumerate(features):
+        tree = tree.split(j, j, (feature.low + feature.high) / 2)
+    return TreePolicy(tree, np.arange(tree.n_leaves) % 2, guarded.schema), guarded
+
+
+def vector_of(space, copies):
+    return SyncVectorEnv([lambda: Sees(space)] * copies)
+
+
+@pytest.mark.parametrize("copies", [1, 2, 3])
+@pytest.mark.parametrize(
+    "space", [*SPACES.values(), *PARTS.values(), *FLAT.values(), *SINGLE.values()]
+)
+def test_a_vector_environment_takes_what_a_tree_answers(space, copies):
+    """A batch of one gave a number, which no vector environment takes; (E,) was refused."""
+    policy, guarded = halved(space)
+    venv, is_single = vector_of(space, copies), space.shape == ()
+    for seed in range(8):
+        seen = venv.reset(seed=seed)[0]
+        wanted = policy.predict([guarded.reset(seed + k) for k in range(copies)])[0]
+        actions, _ = policy.predict(seen[:, np.newaxis] if is_single and copies == 1 else seen)
+        assert (actions.shape, actions.tolist()) == ((copies,), wanted.tolist())
+        venv.step(actions)
+
+
+@pytest.mark.parametrize(
+    "space", [*SPACES.values(), *PARTS.values(), *FLAT.values(), *SINGLE.values()]
+)
+def test_one_observation_is_no_batch_of_one(space):
+    """The control: what a single environment observes gets a number, whatever its form."""
+    policy, guarded = halved(space)
+    for seed in range(8):
+        features = guarded.reset(seed)
+        action = policy.predict(guarded.own_observation(features))[0]
+        assert isinstance(action, int)
+        assert action == policy.predict(features)[0]
+
+
+def test_frozen_lake_in_copies():
+    lake = gymnasium.make_vec("FrozenLake-v1", num_envs=3, vectorization_mode="sync")
+    schema = describe(gymnasium.make("FrozenLake-v1"))
+    policy = TreePolicy(DecisionTree.single_leaf(1).split(0, 0, 0.5), [1, 2], schema)
+    seen, _ = lake.reset(seed=0)
+    for _ in range(5):
+        actions, _ = policy.predict(seen)
+        assert actions.tolist() == [1 if square == 0 else 2 for square in seen]
+        seen = lake.step(actions)[0]
+    assert policy.predict(np.int64(3))[0] == policy.predict([3])[0] == 2
+
+
+def test_a_batch_of_single_numbers_remembers_and_derives():
+    """A row of numbers is one observation where as many were derived, as it was."""
+    policy, _ = halved(CODE)
+    past = replace(policy, tree=DecisionTree.single_leaf(2).split(0, 1, 3.5), history=1,
+                   schema=policy.schema.with_history(1))  # fmt: skip
+    state = past.predict([1, 5, 8])[1]
+    assert past.predict([5, 1, 8], state)[0].tolist() == [0, 1, 1]
+    schema = policy.schema.derive(["twice = 2 * x0"])
+    made = TreePolicy(DecisionTree.single_leaf(2).split(0, 1, 7.0), [0, 1], schema)
+    assert made.predict([1, 5, 8])[0].tolist() == [0, 1, 1]
+    assert made.predict([1, 2])[0] == made.predict([1])[0] == 0
+    for wrong in ([], np.zeros((2, 3)), (1.0, 2.0, 3.0)):
+        with pytest.raises(InvalidArgumentError, match="observation must have"):
+            policy.predict(wrong)

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from eutree.arrays import Booleans, Floats, Frozen, Integers, freeze, frozen
 from eutree.display import Displayed, counted
@@ -21,7 +21,7 @@ from eutree.files import read_bytes, write_bytes
 from eutree.files.documents import MAX_DOCUMENT, decode_document
 from eutree.policies.document import PolicyDocument, check_unchanged, policy_parts, policy_to_bytes
 from eutree.policies.leaf_statistics import LeafStatistics, check_masks, orders_of
-from eutree.schema import EnvironmentSpec, Schema
+from eutree.schema import EnvironmentSpec, Feature, Schema
 from eutree.trees import DecisionTree
 from eutree.trees.text import definitions, printable, rules
 from eutree.validation import check_integer, check_kind, check_whole, in_order
@@ -29,16 +29,16 @@ from eutree.validation import check_integer, check_kind, check_whole, in_order
 _KINDS = {"tree": DecisionTree, "schema": Schema, "environment": EnvironmentSpec, "masked": bool}
 
 
-def rows_of(observation: Any, names: Sequence[str]) -> Floats:
-    """Return one observation, of d features with these names, as a vector, or a batch as a matrix.
+def rows_of(observation: Any, features: Sequence[Feature]) -> Floats:
+    """Return one observation, of d features, as a vector, or a batch as a matrix.
 
-    It is numbers of shape [d] or [E, d]; one number where d is 1; or an observation of a ``Dict``
-    or ``Tuple`` space, or a batch of it, whose leaves have E rows.
+    It is numbers of shape [d] or [E, d]; where d is 1, one number or those of E > 1 rows, [E]; or
+    an observation of a ``Dict`` or ``Tuple`` space, or a batch of it, whose leaves have E rows.
 
     Raises:
         InvalidArgumentError: It is none of these.
     """
-    size = len(names)
+    names, size = [feature.name for feature in features], len(features)
     if not isinstance(observation, np.ndarray):  # which names nothing, and is what mostly comes
         observation = in_order("observation", observation, names)
     if not isinstance(observation, Mapping):
@@ -50,8 +50,8 @@ def rows_of(observation: Any, names: Sequence[str]) -> Floats:
                     f"observation must have numbers, of shape ({size},) or (E, {size}): {error}"
                 ) from None
             array = np.empty((0, 0))  # entries of several sizes
-        if array.ndim == 0 and size == 1:
-            return array.reshape(1)
+        if size == 1 and array.ndim < 2 and array.size and not isinstance(observation, tuple):
+            return array.reshape(1 if array.size == 1 else (-1, 1))
         if array.ndim in (1, 2) and array.shape[-1] == size:
             # Each entry of a Tuple space is a column: a batch of d looks like rows.
             columns = isinstance(observation, tuple) and not isinstance(observation[0], tuple)
@@ -60,7 +60,7 @@ def rows_of(observation: Any, names: Sequence[str]) -> Floats:
             raise InvalidArgumentError(
                 f"observation must have shape ({size},) or (E, {size}), got {array.shape}"
             )
-    return _joined(observation, names)
+    return _joined(observation, features)
 
 
 def _is_complete(observation: Any, n_measured: int, size: int) -> bool:
@@ -73,17 +73,15 @@ def _is_complete(observation: Any, n_measured: int, size: int) -> bool:
     return shape[-1:] == (size,) and not columns
 
 
-def _joined(observation: Any, names: Sequence[str]) -> Floats:
+def _joined(observation: Any, features: Sequence[Feature]) -> Floats:
     """Return the entries of a dict or a tuple in the order of their names."""
-    size = len(names)
+    names = [feature.name for feature in features]
     try:
-        total = sum(column.size for _, column in _columns(observation, None))
-        copies = None if total == size or total % size else total // size
-        columns = _columns(observation, copies)
+        columns = _columns(observation, _copies(_leaves(observation), features))
     except (TypeError, ValueError):
         columns = []
     found = [name for name, _ in columns]
-    if isinstance(observation, tuple) and len(found) == size:
+    if isinstance(observation, tuple) and len(found) == len(names):
         return np.stack([column for _, column in columns], axis=-1)
     if sorted(found) != sorted(names):
         listing = ", ".join(names)
@@ -95,6 +93,28 @@ def _joined(observation: Any, names: Sequence[str]) -> Floats:
         )
     by_name = dict(columns)
     return np.stack([by_name[name] for name in names], axis=-1)
+
+
+def _leaves(value: Any) -> list[NDArray[Any]]:
+    """Return the arrays in a nested value."""
+    if not isinstance(value, Mapping | tuple):
+        return [np.asarray(value)]
+    parts = value.values() if isinstance(value, Mapping) else value
+    return [leaf for part in parts for leaf in _leaves(part)]
+
+
+def _copies(leaves: list[NDArray[Any]], features: Sequence[Feature]) -> int | None:
+    """Return how many observations leaves are a batch of; None for one alone.
+
+    A batch of one has as many numbers as one alone, but each leaf has an axis more: one is [1, n],
+    or all are [1] and can be of ``Discrete`` spaces, as those of a ``Box`` of one number cannot.
+    """
+    total, size = sum(leaf.size for leaf in leaves), len(features)
+    if total != size:
+        return None if total % size else total // size
+    codes = all(leaf.dtype == np.int64 for leaf in leaves) and all(f.is_integer for f in features)
+    deeper = codes or any(leaf.ndim > 1 for leaf in leaves)
+    return 1 if deeper and all(leaf.shape[:1] == (1,) for leaf in leaves) else None
 
 
 def _columns(value: Any, copies: int | None) -> list[tuple[str, Floats]]:
@@ -292,8 +312,8 @@ class TreePolicy(Displayed, Frozen):
 
         Args:
             classifier: Fitted, with one output.
-            schema: Names of features and actions; the classes are then names of actions or their
-                numbers. By default features and actions are named as in the classifier.
+            schema: Names of features and actions; the classes are then numbers of actions or, if
+                not all of them are, names. By default the names are the classifier's.
         """
         from eutree.policies.sklearn_tree import parts_of
 
@@ -326,7 +346,8 @@ class TreePolicy(Displayed, Frozen):
         Args:
             observation: One observation, shape [d], or a batch, shape [E, d]; or the environment's
                 own, a dict or a tuple, if its entries have the names of the policy's schema. Where
-                features are derived, the m that are measured are enough, shape [m] or [E, m].
+                features are derived, the m that are measured are enough, shape [m] or [E, m]. Of
+                single numbers a batch may have shape [E], but shape [1] or [d] is one observation.
             state: State that the last call returned, for a policy that sees the past or derives a
                 feature of ``last`` values; None at the start of an episode. Others ignore it.
             episode_start: Whether each observation is the first of its episode, shape [E].
@@ -337,11 +358,11 @@ class TreePolicy(Displayed, Frozen):
         Returns:
             An int for one observation, an int64 array of shape [E] for a batch; and the state.
         """
-        names, derivation = self._observed.feature_names, self.derivation
-        if not derivation.formulas or _is_complete(observation, derivation.n_measured, len(names)):
-            array = rows_of(observation, names)
+        seen, derivation = self._observed.features, self.derivation
+        if not derivation.formulas or _is_complete(observation, derivation.n_measured, len(seen)):
+            array = rows_of(observation, seen)
         else:
-            measured = rows_of(observation, names[: derivation.n_measured])
+            measured = rows_of(observation, seen[: derivation.n_measured])
             array = derivation.after(measured, state, episode_start)
             if self.features.is_identity and derivation.remembered:
                 state = array
@@ -418,16 +439,9 @@ class TreePolicy(Displayed, Frozen):
             known and [column.tobytes() for column in vars(known).values()]
             for known in (self.leaves, other.leaves)
         )
-        return (
-            self.tree.equals(other.tree)
-            and np.array_equal(self.actions, other.actions)
-            and self.schema == other.schema
-            and self.environment == other.environment
-            and self.features == other.features
-            and self.locked == other.locked
-            and self.masked == other.masked
-            and mine == theirs
-        )
+        same = self.tree.equals(other.tree) and np.array_equal(self.actions, other.actions)
+        rest = ("schema", "environment", "features", "locked", "masked")
+        return same and mine == theirs and all(getattr(self, k) == getattr(other, k) for k in rest)
 
     def __hash__(self) -> int:
         """Return the same for equal policies."""
