@@ -7,12 +7,13 @@ speak of ``opponent_1 <= 8.25 m`` and ``stop`` instead of ``x[1]`` and ``0``.
 import itertools
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
-from eutree.display import decimals_of, number, told_apart, usual_width
+from eutree.controls import Control, n_combinations, name_and_unit
+from eutree.display import decimals_of, number, usual_width
 from eutree.errors import InvalidArgumentError, UnknownNameError, shown
 from eutree.formulas import declared, in_formula, parse, renamed
 from eutree.validation import check_integer, check_kind, check_listed
@@ -20,17 +21,29 @@ from eutree.validation import check_integer, check_kind, check_listed
 MAX_FEATURES = 10_000  # the past included
 MAX_ACTIONS = 1_000  # learners hold tables of leaves x actions, and C4.5 of actions x cuts
 
-_LABEL = re.compile(r"(?P<name>.*?)(?: \[(?P<unit>[^\]]*)\])?", re.DOTALL)
 # Names that say nothing; up to release 0.1 they had blanks, and tuples had bare numbers.
 _NUMBERED = re.compile(r"x?\d+(\.x?\d+)*(, \d+ ago)?|did action[ _]\d+, \d+ ago")
 _AGO = re.compile(r", \d+ ago$")
+_INTEGER = re.compile(r"-?\d+")
 _NUMBERED_ACTION = re.compile(r"(action[ _])?-?\d+|control_\d+ -?\d+(, control_\d+ -?\d+)*")
 
 
-def combined_actions(controls: "Sequence[Control]") -> tuple[str, ...]:
+def combined_actions(controls: Sequence[Control]) -> tuple[str, ...]:
     """Return the names of actions that set some controls: ``"valve 25 %, heater 3 kW"``."""
     words = (control.names() for control in controls)
     return tuple(", ".join(parts) for parts in itertools.product(*words))
+
+
+def _are_unnamed(features: Sequence[str]) -> bool:
+    """Return whether names of features say nothing."""
+    return all(map(_NUMBERED.fullmatch, features))
+
+
+def _are_numbered(actions: Sequence[str]) -> bool:
+    """Return whether names of actions say nothing; of bare numbers 0, 50, 100 are quantities."""
+    numbers = [int(name) for name in actions if _INTEGER.fullmatch(name)]
+    counted = not numbers or numbers == list(range(numbers[0], numbers[0] + len(actions)))
+    return counted and all(map(_NUMBERED_ACTION.fullmatch, actions))
 
 
 def numbered_actions(n_actions: int) -> tuple[str, ...]:
@@ -66,11 +79,11 @@ class Feature:
     @classmethod
     def from_label(cls, label: str) -> "Feature":
         """Return a feature from its name with its unit in brackets: ``"position [m]"``."""
-        match = _LABEL.fullmatch(label)
-        return cls(match["name"], match["unit"] or "") if match else cls(label)
+        return cls(*name_and_unit(label))
 
     def __post_init__(self) -> None:
-        check_kind("name", self.name, str)
+        for part in ("name", "unit"):
+            object.__setattr__(self, part, check_kind(part, getattr(self, part), str))
         if math.isnan(self.low) or math.isnan(self.high) or self.low > self.high:
             raise InvalidArgumentError(
                 f"feature {self.name!r} must have low <= high, got {self.low} and {self.high}"
@@ -86,6 +99,11 @@ class Feature:
             raise InvalidArgumentError(
                 f"feature {self.name!r} must be 0 or 1 in a group, got {self.low:g}, {self.high:g}"
             )
+
+    def is_coded_as(self, other: "Feature") -> bool:
+        """Return whether no value has a name here and another there."""
+        pairs = list(zip(self.categories, other.categories, strict=False))
+        return not pairs or (self.low == other.low and all(mine == own for mine, own in pairs))
 
     @property
     def is_flag(self) -> bool:
@@ -126,56 +144,13 @@ def _of_kind(feature: Feature, kind: str | Sequence[str]) -> Feature:
                 f"{feature.low:g} to {feature.high:g}, got {kind!r}"
             )
     categories = () if isinstance(kind, str) else tuple(kind)
+    known = feature.categories
+    if categories != known and sorted(categories) == sorted(known):  # they name codes recorded
+        raise InvalidArgumentError(
+            f"kind of {feature.name!r} must have its values in their order, {', '.join(known)}, "
+            f"got {', '.join(categories)}"
+        )
     return replace(feature, low=low, high=high, is_integer=True, categories=categories)
-
-
-@dataclass(frozen=True)
-class Control:
-    """One quantity that the actions set, such as the opening of a valve.
-
-    Attributes:
-        name: Its name, for example ``"valve"``.
-        unit: Its unit, for example ``"%"``; empty for a pure number.
-        levels: The distinct numbers that it can be set to.
-    """
-
-    name: str
-    unit: str
-    levels: tuple[float, ...]
-
-    @classmethod
-    def from_label(cls, label: str, levels: tuple[float, ...]) -> "Control":
-        """Return a quantity from its name with its unit in brackets: ``"valve [%]"``."""
-        feature = Feature.from_label(label)
-        return cls(feature.name, feature.unit, levels)
-
-    def __post_init__(self) -> None:
-        if not self.name:
-            raise InvalidArgumentError("a control must have a name, got an empty one")
-        distinct = len(set(self.levels)) == len(self.levels) > 0
-        if not (distinct and all(map(math.isfinite, self.levels))):
-            raise InvalidArgumentError(
-                f"control {self.name!r} must have at least one level, all distinct and finite, "
-                f"got {list(self.levels)}"
-            )
-
-    @property
-    def label(self) -> str:
-        """Its name with its unit in brackets."""
-        return f"{self.name} [{self.unit}]" if self.unit else self.name
-
-    def names(self) -> tuple[str, ...]:
-        """Return each level in words, in the digits that tell it from the others: "valve 25 %"."""
-        width = max(self.levels) - min(self.levels) or max(abs(self.levels[0]), 1.0)
-        texts = told_apart(self.levels, width)
-        if len(set(texts.values())) < len(texts):  # some are one, but for a millionth
-            texts = {level: repr(level) for level in self.levels}
-        return tuple(f"{self.name} {texts[level]} {self.unit}".rstrip() for level in self.levels)
-
-
-def n_combinations(controls: Iterable[Control]) -> int:
-    """Return the number of combinations of levels."""
-    return math.prod(len(control.levels) for control in controls)
 
 
 @dataclass(frozen=True)
@@ -323,11 +298,23 @@ class Schema:
             hint = "; names of a file are given here, too, by --names, or kept by demos rename"
             alike = len(self.features) in (len(other.features), len(other.measured.features))
             hint = hint if self._bounds_fit(other) else "; without names, bounds tell them apart"
+            mine, theirs = self.feature_names, other.feature_names
+            if mine == theirs:  # what they stand for differs, or the actions do
+                mine, theirs = self._described(), other._described()
+                alike = self.actions != other.actions
             raise InvalidArgumentError(
-                f"{what} must have the features and actions of {of}, {list(self.feature_names)} "
-                f"and {list(self.actions)}, got {list(other.feature_names)} and "
-                f"{list(other.actions)}{hint * alike}"
+                f"{what} must have the features and actions of {of}, {list(mine)} and "
+                f"{list(self.actions)}, got {list(theirs)} and {list(other.actions)}{hint * alike}"
             )
+
+    def _described(self) -> tuple[str, ...]:
+        """Return the names of the features: how they are derived, and of codes those of values."""
+        return tuple(
+            f"{feature.name} = {feature.formula}"
+            if feature.formula
+            else feature.name + f" ({', '.join(feature.categories)})" * bool(feature.categories)
+            for feature in self.features
+        )
 
     def with_names_of(self, other: "Schema") -> "Schema":
         """Return this schema with the names, units and kinds of another, if it has none itself."""
@@ -372,7 +359,9 @@ class Schema:
     def _grouped(self, group: str, categories: Sequence[str]) -> Iterator[tuple[int, Feature]]:
         """Yield place and form of the features of a group; see ``with_kinds``."""
         known = self.groups.get(group, ())
-        if len(known) == len(categories) and not set(self.feature_names) & set(categories):
+        is_renamed = {self.features[place].category for place in known} != set(categories)
+        is_new = is_renamed and not set(self.feature_names) & set(categories)
+        if len(known) == len(categories) and is_new:
             for place, category in zip(known, categories, strict=True):
                 yield place, replace(self.features[place], name=f"{group} is {category}")
             return
@@ -403,21 +392,33 @@ class Schema:
                 for a, b in zip(self.features, other.features, strict=False)
             )
             named = replace(self, features=tuple(features))
-        return all(
+        return self._meanings_fit(other) and all(
             mine == theirs
             or (
                 len(mine) == len(theirs)
-                and any(
-                    all(map(numbered.fullmatch, names)) for names in (mine, theirs)[: 1 + either]
-                )
+                and any(map(say_nothing, (mine, theirs)[: 1 + either]))
                 and len(self.derived) == len(other.derived)
-                and (numbered is _NUMBERED_ACTION or self._bounds_fit(other))
+                and (say_nothing is _are_numbered or self._bounds_fit(other))
             )
-            for mine, theirs, numbered in (
-                (named.feature_names, other.feature_names, _NUMBERED),
-                (self.actions, other.actions, _NUMBERED_ACTION),
+            for mine, theirs, say_nothing in (
+                (named.feature_names, other.feature_names, _are_unnamed),
+                (self.actions, other.actions, _are_numbered),
             )
         )
+
+    def _meanings_fit(self, other: "Schema") -> bool:
+        """Return whether codes have the same names, where both have any, and formulas are alike."""
+        pairs = zip(self.features, other.features, strict=False)
+        formulas = [
+            [
+                parse(one.formula, of.feature_names[:j])
+                for j, one in enumerate(of.features)
+                if one.formula
+            ]
+            for of in (self, other)
+        ]
+        is_alike = not all(formulas) or formulas[0] == formulas[1]
+        return is_alike and all(mine.is_coded_as(theirs) for mine, theirs in pairs)
 
     def _bounds_fit(self, other: "Schema") -> bool:
         """Return whether the bounds of one feature are within the other's, but for rounding."""

@@ -53,7 +53,9 @@ def check_integer(name: str, value: object, *, low: int = 0, high: int | None = 
 
 
 def check_kind(name: str, value: object, kind: type[_Value]) -> _Value:
-    """Return ``value`` if it is of a class, or raise InvalidArgumentError."""
+    """Return ``value`` if it is of a class, a text plain, or raise InvalidArgumentError."""
+    if isinstance(value, np.str_):  # as scikit-learn has the names of classes
+        value = str(value)
     if isinstance(value, kind):
         return value
     reads = hasattr(kind, "load") and isinstance(value, str | Path)

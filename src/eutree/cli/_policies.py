@@ -53,10 +53,11 @@ def load_policy(path: Path, *, hand_edited: bool = False) -> "TreePolicy":
 def load_demonstrations(path: Path, policy: "TreePolicy | None" = None) -> "Demonstrations":
     """Return the demonstrations in a folder, with the features that are derived elsewhere.
 
-    These are the features that ``--derive`` declares, or else those that the policy needs. Where
-    numbers stand for names, they get those of ``--names``.
+    These are the features that the policy needs, whatever was recorded, or else those that
+    ``--derive`` declares. Where numbers stand for names, they get those of ``--names``.
     """
     from eutree.data import Demonstrations, derive
+    from eutree.features import Derivation
     from eutree.interaction.names import Names, given_names
 
     demonstrations, names = Demonstrations.load(path), given_names()
@@ -65,9 +66,12 @@ def load_demonstrations(path: Path, policy: "TreePolicy | None" = None) -> "Demo
         named = Names(features=names.features, actions=names.actions).of(schema)
         if schema.is_unnamed_form_of(named):
             demonstrations = replace(demonstrations, schema=schema.with_names_of(named))
-    declared = (names and names.derived) or (policy and policy.schema.derived)
-    if declared and not demonstrations.schema.derived:
-        demonstrations = derive(demonstrations, declared)
+    known = Derivation.of(demonstrations.schema).formulas
+    if policy is not None and policy.schema.derived:
+        if known != policy.derivation.formulas:
+            demonstrations = derive(demonstrations, policy.schema.derived, anew=True)
+    elif names is not None and names.derived and not known:
+        demonstrations = derive(demonstrations, names.derived)
     if policy is not None:
         _check_task(path, demonstrations, policy)
     return demonstrations

@@ -1,6 +1,6 @@
 """``eutree demos``: look at demonstrations, edit them, check them, exchange them."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from contextlib import closing
 from dataclasses import replace
 from functools import partial
@@ -244,7 +244,7 @@ def stats(folder: Path, html: Path | None) -> Result:
 )  # fmt: skip
 @click.argument("source", type=click.Path())
 @option.output("--out", text="A new folder.", required=True)
-@click.option("--env", "environment", help="The environment, where the source names none.")
+@click.option("--env", "environment", help="The environment, if the source names none or no names.")
 @click.option("--episode-column", help="Column of a .csv that says which episode; else 'episode'.")
 @click.option("--action-column", help="Column with the actions, names or numbers; else 'action'.")
 @click.option("--reward-column", help="Column with the rewards (more is better); else 'reward'.")
@@ -338,9 +338,19 @@ def _as_named(schema: Schema, names: Names | None) -> Schema:
     if names.features:
         named = Schema(tuple(map(Feature.from_label, names.features)), actions)
         features = tuple(features[k] for k in order_of(features, named, renames=True))
+    labels = names.features or [feature.name for feature in features]
+    features = tuple(map(partial(_coded, names.kinds), labels, features))
     if sorted(names.actions) == sorted(actions) and not schema.controls:
         actions = names.actions
     return replace(schema, features=(*features, *schema.derived), actions=actions)
+
+
+def _coded(kinds: Mapping[str, Any], label: str, feature: Feature) -> Feature:
+    """Return a feature with its categories in the order of those declared, if it has no others."""
+    declared, known = kinds.get(Feature.from_label(label).name), feature.categories
+    if not known or not isinstance(declared, tuple) or not set(known) <= set(declared):
+        return feature
+    return replace(feature, high=feature.low + len(declared) - 1, categories=declared)
 
 
 def _check_kinds(schema: Schema, episodes: Iterable[Episode]) -> None:

@@ -32,6 +32,7 @@ from eutree.data.log_format import (
     KNOWN,
     LEAVE_OUT,
     MASKED,
+    Choice,
     LogFormat,
     action_of,
     are_quantities,
@@ -164,6 +165,7 @@ class _Table:
         self._held: dict[str, dict[str, str]] = {}  # the last text of each column of its rows
         self._times: dict[str, float] = {}  # of its last row
         self._order: slice | list[int] = slice(None)  # of the features, as a schema has them
+        self._chosen: dict[str, Choice] = {}  # what is made of each nominal column
         self._size = self.filled = self.left_out = 0
         self.line = 1
 
@@ -346,6 +348,9 @@ class _Table:
         """Return the episodes and their schema, which is made of the table if it is not given."""
         path = self._path
         texts = self._texts(schema)
+        with blamed(path):
+            for column, known in self._categories.items():
+                self._chosen[column] = Choice.of(column, tuple(known), schema)
         if schema is None:
             with blamed(path, "action"):
                 actions = self._made_actions(texts)
@@ -393,16 +398,12 @@ class _Table:
         return [short.get(text, text) for text in self._codes]
 
     def _made_features(self) -> Iterator[Feature]:
-        """Yield the features, one for each category of a nominal column of more than two."""
+        """Yield the features of all columns; a nominal one makes several, or a code."""
         for column in self._features:
-            categories = tuple(sorted(self._categories.get(column, ())))
-            if column not in self._categories:
-                yield Feature.from_label(label(column))
-            elif len(categories) > 2:
-                for name in categories:
-                    yield Feature(f"{column} is {name}", "", 0.0, 1.0, True, group=column)
+            if column in self._chosen:
+                yield from self._chosen[column].features
             else:
-                yield Feature(column, "", 0.0, len(categories) - 1.0, True, categories)
+                yield Feature.from_label(label(column))
 
     def _made_actions(self, texts: Sequence[str]) -> tuple[str, ...]:
         """Return the names of the actions, as far as the table tells them."""
@@ -424,13 +425,9 @@ class _Table:
         values = np.frombuffer(group.observations).reshape(-1, len(self._features))
         columns: list[Floats] = []
         for column, numbers in zip(self._features, values.T, strict=True):
-            codes = self._categories.get(column)
-            if codes is None:
-                columns.append(numbers)
-            else:
-                each = [1.0 * (numbers == codes[name]) for name in sorted(codes)]
-                columns += each if len(codes) > 2 else each[1:] or [np.zeros(len(values))]
-        return np.stack(columns, axis=1)[:, self._order]
+            choice = self._chosen.get(column)
+            columns.append(numbers[:, None] if choice is None else choice.of_codes(numbers))
+        return np.hstack(columns)[:, self._order]
 
     def _episode(self, group: _EpisodeRows, numbers_of_codes: Integers, masks: Booleans) -> Episode:
         facts = group.facts

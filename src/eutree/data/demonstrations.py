@@ -297,19 +297,23 @@ class Demonstrations(Displayed, Frozen):
         write_minari(dataset_id, (self.episodes, self.schema, self.environment, self.expert))
 
 
-def derive(demonstrations: Demonstrations, declarations: Sequence[str | Feature]) -> Demonstrations:
+def derive(
+    demonstrations: Demonstrations, declarations: Sequence[str | Feature], *, anew: bool = False
+) -> Demonstrations:
     """Return demonstrations with derived features behind their observations.
 
     Args:
         demonstrations: The recorded episodes.
         declarations: ``"time_to_crossing = distance / speed"`` and the like; see
             ``eutree.formulas``.
+        anew: Whether in place of those that they have.
 
     Raises:
         InvalidArgumentError: A declaration is none, or a value would not be finite.
         UnknownNameError: A formula names no feature.
     """
-    schema = demonstrations.schema.derive(declarations)
+    known = demonstrations.schema
+    schema = (known.measured if anew else known).derive(declarations)
     derivation = Derivation.of(schema)
     seen = []
     for episode in demonstrations.episodes:

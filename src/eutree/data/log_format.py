@@ -5,6 +5,9 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
+import numpy as np
+
+from eutree.arrays import Floats
 from eutree.data.episode import ALLOWED
 from eutree.errors import InvalidArgumentError
 from eutree.schema import Feature, Schema
@@ -246,6 +249,58 @@ def _has_form(text: str, form: str) -> bool:
     return True
 
 
+@dataclass(frozen=True)
+class Choice:
+    """What is made of a nominal column: a feature for each category, or one code.
+
+    Attributes:
+        features: The k features.
+        values: Theirs for each text of the column, in the order in which these occurred.
+    """
+
+    features: tuple[Feature, ...]
+    values: Floats  # [texts, k]
+
+    @classmethod
+    def of(cls, column: str, texts: Sequence[str], schema: Schema | None) -> "Choice":
+        """Return what a schema has of a column, or else what its texts make: of two a code.
+
+        Raises:
+            InvalidArgumentError: A text is none of the categories that the schema has.
+        """
+        names = tuple(sorted(texts))
+        features = _known(column, schema)
+        if features:
+            names = features[0].categories or tuple(feature.category for feature in features)
+        else:
+            features = _made(column, names)
+        others = [text for text in texts if text not in names]
+        if others:
+            raise InvalidArgumentError(
+                f"{column} must be one of {', '.join(names)}, got {others[0]!r}"
+            )
+        values = np.eye(len(names))
+        if features[0].categories:
+            values = features[0].low + np.arange(float(len(names)))[:, None]
+        return cls(features, values[[names.index(text) for text in texts]])
+
+    def of_codes(self, codes: Floats) -> Floats:
+        """Return the values, [n, k], for texts by their numbers, [n]."""
+        return self.values[codes.astype(np.int64)]
+
+
+def _known(column: str, schema: Schema | None) -> tuple[Feature, ...]:
+    """Return the features of a schema that are a column's categories, or their code."""
+    known = () if schema is None else schema.features
+    return tuple(f for f in known if f.group == column or (f.categories and f.name == column))
+
+
+def _made(column: str, names: tuple[str, ...]) -> tuple[Feature, ...]:
+    if len(names) <= 2:
+        return (Feature(column, "", 0.0, len(names) - 1.0, True, names),)
+    return tuple(Feature(f"{column} is {name}", "", 0.0, 1.0, True, group=column) for name in names)
+
+
 def order_of(found: Sequence[Feature], schema: Schema, *, renames: bool = False) -> list[int]:
     """Return which of the features that were found each of a schema is: by name, or by place.
 
@@ -261,6 +316,11 @@ def order_of(found: Sequence[Feature], schema: Schema, *, renames: bool = False)
             f"got {', '.join(names)}"
         )
     for feature, other in zip(schema.features, (found[k] for k in order), strict=True):
+        if not other.is_coded_as(feature):
+            wants, has = (", ".join(one.categories) for one in (feature, other))
+            raise InvalidArgumentError(
+                f"{other.name} must have the categories of {feature.name}, {wants}, got {has}"
+            )
         is_same = other.name == feature.name
         if (is_same or not renames) and other.unit and feature.unit not in ("", other.unit):
             here = "" if is_same else f" where {feature.name} is expected"

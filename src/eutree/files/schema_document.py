@@ -9,8 +9,9 @@ from typing import Annotated, Any
 import msgspec
 import numpy as np
 
+from eutree.controls import Control
 from eutree.errors import FormatError, InvalidArgumentError, blamed, shown
-from eutree.schema import Control, EnvironmentSpec, Feature, Schema, combined_actions
+from eutree.schema import EnvironmentSpec, Feature, Schema, combined_actions
 
 _MAX_NESTING = 40  # of arguments of others; leaves room for the document around it
 

@@ -21,8 +21,9 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from eutree.arrays import Booleans, Floats
+from eutree.controls import Control, n_combinations
 from eutree.errors import InvalidArgumentError, UnsupportedSpaceError, shown
-from eutree.schema import MAX_ACTIONS, Control, Schema, n_combinations
+from eutree.schema import MAX_ACTIONS, Schema
 from eutree.validation import check_vector
 
 ACTION_GRID = "action_grid"  # the argument of ``make``, as it stands in files

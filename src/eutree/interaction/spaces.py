@@ -16,6 +16,7 @@ from gymnasium import spaces, wrappers
 from gymnasium.wrappers import OrderEnforcing, PassiveEnvChecker, TimeLimit
 
 from eutree.arrays import Floats
+from eutree.controls import Control
 from eutree.errors import InvalidArgumentError, UnsupportedSpaceError, shown
 from eutree.files.schema_document import plain_json
 from eutree.interaction.action_grid import (
@@ -32,7 +33,6 @@ from eutree.interaction.decoding import DECODE, ONE_HOT, DecodedObservation, one
 from eutree.schema import (
     MAX_ACTIONS,
     MAX_FEATURES,
-    Control,
     EnvironmentSpec,
     Feature,
     Schema,
