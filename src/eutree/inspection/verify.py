@@ -21,7 +21,7 @@ from eutree.inspection.occurring import Occurrence, Occurring
 from eutree.inspection.properties import Property, check_says_all, parse
 from eutree.inspection.regions import Region, domain, finite_box, is_box, ways
 from eutree.policies import TreePolicy
-from eutree.schema import Feature, Schema
+from eutree.schema import Feature
 from eutree.trees.boxes import leaf_boxes, possible, volumes
 from eutree.trees.text import Digits, printable
 from eutree.validation import check_kind, check_observations
@@ -132,7 +132,8 @@ def verify(
     check_kind("question", asked, Property)
     check_says_all(asked, schema, frozenset(policy.tree.feature.tolist()))
     if everywhere:
-        policy = replace(policy, schema=_of_all_doubles(schema))
+        free = (Feature(one.name, one.unit, formula=one.formula) for one in schema.features)
+        policy = replace(policy, schema=replace(schema, features=tuple(free)))
     if asked.kind == "no dead leaves":
         parts = [_dead(policy, observations)]
     else:
@@ -159,12 +160,6 @@ def verify(
         leaves_checked=max(part.leaves for part in parts),
         note="; ".join(filter(None, _cautions(policy, asked, parts))),
     )
-
-
-def _of_all_doubles(schema: Schema) -> Schema:
-    """Return a schema whose features may be any number, without bounds or kinds."""
-    free = (Feature(one.name, one.unit, formula=one.formula) for one in schema.features)
-    return replace(schema, features=tuple(free))
 
 
 def _part(policy: TreePolicy, asked: Property, region: Region) -> _Part | None:
