@@ -12,7 +12,7 @@ Policies that decide by the present features alone have their base class here.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -65,26 +65,14 @@ class Derivation:
     def of(cls, schema: Schema) -> "Derivation":
         """Return the derivation that a schema of single observations declares."""
         names, first = schema.feature_names, schema.measured.n_features
-        formulas = (
-            parse(feature.formula, names[:j])
-            for j, feature in enumerate(schema.features)
-            if feature.formula
-        )
-        return cls(first, tuple(formulas))
+        derived = enumerate(schema.derived, first)
+        return cls(first, tuple(parse(one.formula, names[:j]) for j, one in derived))
 
     @property
     def remembered(self) -> tuple[int, ...]:
         """The features whose last values are asked for, in order."""
         asked = {one.index for formula in self.formulas for one in formula if one.kind == "last"}
         return tuple(sorted(asked))
-
-    def made_of(self, feature: int) -> tuple[int, ...]:
-        """Return the derived features that a feature, or what is made of it, is a part of."""
-        made = {feature}
-        for number, formula in enumerate(self.formulas, self.n_measured):
-            if any(part.index in made for part in formula if part.kind == "feature"):
-                made.add(number)
-        return tuple(sorted(made - {feature}))
 
     def rows(self, measured: Floats, before: Floats | None = None) -> Floats:
         """Return observations with their derived features, shape [..., d].
@@ -93,7 +81,8 @@ class Derivation:
             measured: The measured features, shape [..., m].
             before: The rows of one step before; None at the first step of an episode.
         """
-        return self._with(measured, lambda now, j: now[j] if before is None else before[..., j])
+        observed = measured[..., : self.n_measured]
+        return self._with(observed, lambda now, j: now[j] if before is None else before[..., j])
 
     def after(self, measured: Floats, state: Floats | None, starts: ArrayLike | None) -> Floats:
         """Return observations [..., d] of the measured features, after those in a state.
@@ -124,19 +113,41 @@ class Derivation:
         known = observations.shape[-1] - self.n_measured
         if not 0 <= known < len(self.formulas):
             return observations
-        columns = list(np.moveaxis(observations, -1, 0))
-        for formula in self.formulas[known:]:
-            value = formula.compute(columns, lambda j: columns[j])
-            columns.append(np.broadcast_to(value, observations.shape[:-1]))
+        return self._with(observations, lambda now, j: now[j])
+
+    def _with(self, known: Floats, last: Callable[[list[Floats], int], Floats]) -> Floats:
+        """Return features with those not derived yet; ``last`` gives a column one step before."""
+        columns = list(np.moveaxis(known, -1, 0))
+        for formula in self.formulas[len(columns) - self.n_measured :]:
+            value = formula.compute(columns, partial(last, columns))
+            columns.append(np.broadcast_to(value, known.shape[:-1]))
         return np.stack(columns, axis=-1)
 
-    def _with(self, measured: Floats, last: Callable[[list[Floats], int], Floats]) -> Floats:
-        """Return the features with those derived; ``last`` gives a column one step before."""
-        columns = [measured[..., j] for j in range(self.n_measured)]
-        for formula in self.formulas:
-            value = formula.compute(columns, partial(last, columns))
-            columns.append(np.broadcast_to(value, measured.shape[:-1]))
-        return np.stack(columns, axis=-1)
+
+def formulas_of(schema: Schema) -> dict[int, Formula]:
+    """Return the formula of each derived feature by its place, behind all that it is made of.
+
+    Those of earlier steps are of the features of these steps: so they are in the first one, too,
+    which a ``FeatureMap`` repeats. What ``last`` was in the earliest step is not known.
+    """
+    known, names = Derivation.of(schema), schema.feature_names
+    size, steps = known.n_measured + len(known.formulas), 1
+    while names[steps * size :][:size] == tuple(f"{name}, {steps} ago" for name in names[:size]):
+        steps += 1
+    return {
+        k * size + j: formula.ago(k, size, steps)
+        for k in reversed(range(steps))
+        for j, formula in enumerate(known.formulas, known.n_measured)
+    }
+
+
+def parts_of(features: Iterable[int], formulas: Mapping[int, Formula]) -> set[int]:
+    """Return what some features are made of, and what these parts are made of."""
+    made, parts = set(features), set[int]()
+    for number in reversed(list(formulas)):
+        if number in made | parts:
+            parts |= {part.index for part in formulas[number] if part.kind == "feature"}
+    return parts
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -24,7 +24,8 @@ import json
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import reduce
 from typing import Any, NoReturn
 
 import numpy as np
@@ -99,6 +100,16 @@ class Formula:
     def remembers(self) -> bool:
         """Whether it asks for a value of one step before."""
         return any(part.kind == "last" for part in self)
+
+    def ago(self, steps: int, size: int, known: int) -> "Formula":
+        """Return it of the features some steps ago, which stand ``size`` numbers a step behind.
+
+        A ``last`` is one of those, too, but for that of the earliest of ``known`` steps.
+        """
+        if self.kind not in {"feature", "last"}:
+            return replace(self, parts=tuple(part.ago(steps, size, known) for part in self.parts))
+        steps += self.kind == "last"
+        return Formula("feature", index=self.index + steps * size) if steps < known else self
 
     def unit(self, units: Sequence[str]) -> str:
         """Return the unit that follows from those of the features; empty where none does."""
@@ -328,10 +339,7 @@ class _FormulaParser:
         self.expect(")")
         if word == "abs":
             return Formula("abs", (parts[0],))
-        found = parts[0]
-        for part in parts[1:]:
-            found = Formula(word, (found, part))
-        return found
+        return reduce(lambda found, part: Formula(word, (found, part)), parts)
 
     def feature(self) -> int:
         kind, word = self.tokens[self.at] if self.at < len(self.tokens) else ("", "")

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from eutree.arrays import Booleans, Floats
-from eutree.features import Derivation
+from eutree.features import formulas_of, parts_of
 from eutree.formulas import ON_RANGES_OR_NAN, Formula
 from eutree.inspection.regions import LARGEST, Region, is_box
 from eutree.schema import Schema
@@ -46,7 +46,7 @@ class Occurrence(NamedTuple):
 class Occurring:
     """Looks for observations in boxes.
 
-    A derived feature that asks for the step before may be anything, like one that is measured.
+    A derived feature that asks for a step which is unknown may be anything, like one measured.
     """
 
     schema: Schema  # the d features, and how some of them are derived
@@ -59,6 +59,9 @@ class Occurring:
         """Look for an observation in a box; None where there is none."""
         if not self._formulas:  # any point is one
             return Occurrence(box.point(self.schema), True)
+        bounded = set(np.flatnonzero(np.isfinite(box.low) | np.isfinite(box.high)).tolist())
+        bounded |= parts_of(bounded, self._formulas)
+        asked = {j: formula for j, formula in self._formulas.items() if j in bounded}
         parts = np.stack([box.low, box.high])[:, np.newaxis]
         left = MOST_PARTS if self.most is None else self.most
         parts[1] = np.minimum(parts[1], LARGEST)
@@ -67,42 +70,23 @@ class Occurring:
                 return Occurrence(box.point(self.schema), False)
             parts, latest = parts[:, :-_AT_ONCE], parts[:, -_AT_ONCE:]
             left -= latest.shape[1]
-            latest = latest[:, self._reached(latest, box)[0]]
+            latest = latest[:, self._reached(latest, box, asked)[0]]
             rows = self._points(latest)
             is_right = np.isnan(rows) & self._is_right(box)
             inside = (is_right | (rows > box.low) & (rows <= box.high)).all(axis=1)
             if inside.any():
                 return Occurrence(rows[inside.argmax()], True)
-            parts = np.concatenate([parts, self._halves(latest, box)], axis=1)
+            parts = np.concatenate([parts, self._halves(latest, box, asked)], axis=1)
         return None
 
     @cached_property
     def _formulas(self) -> dict[int, Formula]:
-        """The formulas of those features that one observation determines."""
-        known = Derivation.of(self.schema)
-        return {
-            j: formula
-            for j, formula in enumerate(known.formulas, known.n_measured)
-            if not formula.remembers
-        }
+        """The formulas of those features that others determine."""
+        return {j: one for j, one in formulas_of(self.schema).items() if not one.remembers}
 
-    @cached_property
-    def _named(self) -> list[int]:
-        """The features in formulas that have none themselves."""
-        parts = [part for formula in self._formulas.values() for part in formula]
-        return sorted(
-            {part.index for part in parts if part.kind == "feature"} - set(self._formulas)
-        )
-
-    def _derived(
-        self, columns: list[Any], operations: Mapping[str, Any] | None = None
-    ) -> list[Any]:
-        """Return columns, numbers or ranges of them, with those that formulas determine."""
-        for j, formula in self._formulas.items():
-            columns[j] = formula.compute(columns, columns.__getitem__, operations)
-        return columns
-
-    def _reached(self, parts: Floats, box: Region) -> tuple[Booleans, Floats]:
+    def _reached(
+        self, parts: Floats, box: Region, formulas: Mapping[int, Formula]
+    ) -> tuple[Booleans, Floats]:
         """Return whether derived features of parts may be in a box, and how far they reach beyond.
 
         The parts are exclusive lower and inclusive upper bounds, shape [2, N, d].
@@ -111,9 +95,9 @@ class Occurring:
         first = np.where(self._is_whole, np.floor(low) + 1.0, np.nextafter(low, np.inf))
         may_be, beyond = np.ones(len(low), dtype=bool), np.zeros(len(low))
         measured = [(*ends, False) for ends in zip(first.T, high.T, strict=True)]
-        ranges, is_right = self._derived(measured, ON_RANGES_OR_NAN), self._is_right(box)
+        ranges, is_right = _derived(measured, formulas, ON_RANGES_OR_NAN), self._is_right(box)
         with np.errstate(invalid="ignore", over="ignore"):
-            for j in self._formulas:
+            for j in formulas:
                 least, most, may_be_nan = ranges[j]
                 inside = (least <= box.high[j]) & (most > box.low[j])
                 may_be &= inside | (may_be_nan & is_right[j])
@@ -148,20 +132,20 @@ class Occurring:
         found = self._cuts(parts)
         for group in map(list, self.schema.groups.values()):
             found[:, group] = np.eye(len(group))[(parts[1][:, group] >= 1.0).argmax(axis=1)]
-        columns = self._derived(list(found.T))
+        columns = _derived(list(found.T), self._formulas)
         return np.stack([np.broadcast_to(one, len(found)) for one in columns], axis=1)
 
-    def _halves(self, parts: Floats, box: Region) -> Floats:
+    def _halves(self, parts: Floats, box: Region, formulas: Mapping[int, Formula]) -> Floats:
         """Return both halves of each part, along the feature that bounds the derived ones best.
 
         A part with one value of each feature in formulas has none.
         """
         cuts, high = self._cuts(parts), parts[1]
         score = np.full(cuts.shape, np.inf)
-        for j in self._named:
+        for j in sorted(parts_of(formulas, formulas) - formulas.keys()):
             thin = parts.copy()
             thin[0, :, j], thin[1, :, j] = np.nextafter(cuts[:, j], -np.inf), cuts[:, j]
-            _, beyond = self._reached(thin, box)
+            _, beyond = self._reached(thin, box, formulas)
             score[:, j] = np.where(cuts[:, j] < high[:, j], beyond, np.inf)
         has = np.isfinite(score.min(axis=1))
         lower, upper = parts[:, has], parts[:, has]
@@ -170,3 +154,12 @@ class Occurring:
         low, high = np.concatenate([lower, upper], axis=1)
         low, high = possible(low, high, self.schema)
         return np.stack([low, high])[:, is_box(low, high)]
+
+
+def _derived(
+    columns: list[Any], formulas: Mapping[int, Formula], operations: Mapping[str, Any] | None = None
+) -> list[Any]:
+    """Return columns, numbers or ranges of them, with those that formulas determine."""
+    for j, formula in formulas.items():
+        columns[j] = formula.compute(columns, columns.__getitem__, operations)
+    return columns

@@ -23,14 +23,14 @@ import math
 import operator
 import re
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NoReturn
 
 import numpy as np
 
 from eutree.arrays import Floats
 from eutree.errors import InvalidArgumentError, UnknownNameError
-from eutree.features import Derivation
+from eutree.features import formulas_of, parts_of
 from eutree.inspection.regions import Region, before, is_box
 from eutree.schema import Schema
 from eutree.trees.text import printable
@@ -218,18 +218,16 @@ class _PropertyParser:
 
     def _categories(self, known: tuple[str, ...]) -> set[str]:
         """Return the categories that are named next, with commas between them."""
-        end = self.at
-        while end < len(self.tokens) and self.tokens[end] != "and":
-            end += 1
-        named = set()
-        for text in _COMMA.split(" ".join(self.tokens[self.at : end])):
+        start, named = self.at, set()
+        while self._peek() not in ("", "and"):
+            self.at += 1
+        for text in _COMMA.split(" ".join(self.tokens[start : self.at])):
             word = (
                 json.loads(text) if re.fullmatch(r'\s*"(?:[^"\\]|\\.)*"\s*', text) else text.strip()
             )
             if word not in known:
                 raise UnknownNameError("category", word, known)
             named.add(word)
-        self.at = end
         return named
 
     def _narrow(self, feature: int, comparison: str, value: float) -> None:
@@ -328,13 +326,10 @@ def check_says_all(asked: Property, schema: Schema, tested: Iterable[int] | None
     Nothing but the feature may change, and they change with it, where tests ask for these (any, if
     ``tested`` is None).
     """
-    if asked.kind != "monotone" or not schema.derived:
-        return
-    known = Derivation.of(replace(schema, features=(*schema.measured.features, *schema.derived)))
-    for number in known.made_of(asked.feature):
-        if tested is None or number in tested:
-            names = schema.feature_names
+    names, formulas = list(map(printable, schema.feature_names)), formulas_of(schema)
+    for number in sorted(formulas if tested is None else tested):
+        if asked.kind == "monotone" and asked.feature in parts_of({number}, formulas):
             raise InvalidArgumentError(
-                f"{asked.text!r} must be about a feature alone: {printable(names[number])}, which "
-                f"tests may ask for, is made of {printable(names[asked.feature])}"
+                f"{asked.text!r} must be about a feature alone: {names[number]}, which tests may "
+                f"ask for, is made of {names[asked.feature]}"
             )

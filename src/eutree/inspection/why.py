@@ -1,5 +1,6 @@
 """Why a policy decides as it does: the path, the margin of each test, the nearest alternatives."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,8 +9,10 @@ from numpy.typing import ArrayLike
 from eutree.arrays import Floats
 from eutree.data import Demonstrations
 from eutree.display import Displayed, counted
+from eutree.features import formulas_of
 from eutree.inspection.regions import Region, domain, is_box, leaf_parts
 from eutree.policies import TreePolicy
+from eutree.schema import Schema
 from eutree.trees.boxes import leaf_boxes
 from eutree.trees.text import Digits, asked, printable, whole
 from eutree.validation import check_kind, check_number, check_vector, in_order
@@ -201,17 +204,16 @@ def _alternatives(
             continue
         leaf = int(leaves[np.lexsort((totals[leaves], distances[leaves]))[0]])
         words = _changes(policy, point, nearest[leaf], other, digits)
-        if not (occurs := _occurs(policy, nearest[leaf])):
+        if not (occurs := _occurs(schema, nearest[leaf].tolist())):
             words += " (the derived features of that observation do not fit its measured ones)"
         found.append(Alternative(other, nearest[leaf], float(distances[leaf]), leaf, words, occurs))
     return tuple(sorted(found, key=lambda alternative: alternative.distance))
 
 
-def _occurs(policy: TreePolicy, point: Floats) -> bool:
-    """Return whether derived features, but those of the step before, follow from measured ones."""
-    known, first = policy.derivation, policy.derivation.n_measured
-    made = known.rows(point[:first]) if known.formulas else point
-    return all(one.remembers or made[j] == point[j] for j, one in enumerate(known.formulas, first))
+def _occurs(schema: Schema, point: Sequence[float]) -> bool:
+    """Return whether derived features, but those of an unknown step, follow from the others."""
+    made = ((j, one) for j, one in formulas_of(schema).items() if not one.remembers)
+    return all(one.compute(point, point.__getitem__) == point[j] for j, one in made)
 
 
 def _changes(

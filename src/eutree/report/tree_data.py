@@ -12,11 +12,12 @@ from eutree.data import Demonstrations, Episode
 from eutree.display import decimals_of, told_apart, usual_width
 from eutree.errors import InvalidArgumentError
 from eutree.export.drawing import fills
+from eutree.features import formulas_of, parts_of
 from eutree.policies import TreePolicy
 from eutree.report.html import LeafChange, as_json, base_style
 from eutree.report.watching import WatchedEpisode
 from eutree.schema import Feature, Schema, combined_actions
-from eutree.trees.text import Digits, derived_features
+from eutree.trees.text import Digits
 
 SIZE_LIMIT = 5_000_000
 
@@ -36,20 +37,19 @@ def tree_data(
     """
     tree, schema = policy.tree, policy.schema
     names = ("feature", "left", "right", "leaf")
-    asked = set(derived_features(tree, schema))  # that are tested
+    decimals = _decimals(policy, episodes)
+    parts = parts_of(tree.feature.tolist(), formulas_of(schema))
     shown = [
         {
             "name": feature.name,
             "unit": feature.unit,
             "low": plain(feature.low),
             "high": plain(feature.high),
-            "decimals": decimals,
-            "isPart": not asked.isdisjoint(policy.derivation.made_of(number)),
+            "decimals": decimals[number],
+            "isPart": number in parts,
         }
         | _kind(feature)
-        for number, (feature, decimals) in enumerate(
-            zip(schema.features, _decimals(policy, episodes), strict=True)
-        )
+        for number, feature in enumerate(schema.features)
     ]
     recorded = () if demonstrations is None else demonstrations.episodes
     n_numbers = (policy.history + 1) * sum(one.episode.observations.size for one in episodes)

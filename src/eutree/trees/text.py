@@ -15,7 +15,8 @@ from typing import NamedTuple
 import numpy as np
 
 from eutree.display import SAME, told_apart, usual_width
-from eutree.formulas import parse, renamed
+from eutree.features import Derivation, formulas_of
+from eutree.formulas import renamed
 from eutree.schema import Feature, Schema
 from eutree.trees.tree import DecisionTree
 
@@ -30,12 +31,11 @@ class Digits:
         self, schema: Schema, *trees: DecisionTree, others: Iterable[tuple[int, float]] = ()
     ) -> None:
         shown: list[set[float]] = [set() for _ in schema.features]
+        pairs: list[tuple[int, float]] = []
         for tree in trees:
             inner = np.flatnonzero(tree.feature != tree.NO_FEATURE)
-            pairs = zip(tree.feature[inner].tolist(), tree.threshold[inner].tolist(), strict=True)
-            for feature, threshold in pairs:
-                shown[feature].add(threshold)
-        for feature, value in others:
+            pairs += zip(tree.feature[inner].tolist(), tree.threshold[inner].tolist(), strict=True)
+        for feature, value in (*pairs, *others):
             shown[feature].add(value)
         self.widths = [
             usual_width(feature.low, feature.high, values)
@@ -296,24 +296,19 @@ def definitions(tree: DecisionTree, schema: Schema) -> list[str]:
     ['where double [m] = 2 * x']
     """
     names = schema.feature_names
-    printed = [printable(name) for name in names]
-    return [
-        f"where {labelled(schema.features[j])} = "
-        + renamed(schema.features[j].formula, names[:j], printed)
-        for j in derived_features(tree, schema)
-    ]
+    printed = list(map(printable, names))
+    found = ((schema.features[j], names[:j]) for j in derived_features(tree, schema))
+    return [f"where {labelled(one)} = {renamed(one.formula, of, printed)}" for one, of in found]
 
 
 def derived_features(tree: DecisionTree, schema: Schema) -> list[int]:
     """Return the derived features that the tree asks for, and those these are made of, in order."""
-    names, wanted = schema.feature_names, set(tree.feature.tolist())
-    found = []
-    for j in range(schema.n_features - 1, -1, -1):  # each is made of those before it
-        formula = schema.features[j].formula
-        if formula and j in wanted:
-            wanted |= {one.index for one in parse(formula, names[:j])}
-            found.append(j)
-    return found[::-1]
+    known, tested = Derivation.of(schema), set(tree.feature.tolist()) & formulas_of(schema).keys()
+    wanted = {j % (known.n_measured + len(known.formulas)) for j in tested}  # whatever the step
+    for j, formula in reversed(list(enumerate(known.formulas, known.n_measured))):
+        if j in wanted:  # each is made of those before it
+            wanted |= {one.index for one in formula}
+    return sorted(j for j in wanted if j >= known.n_measured)
 
 
 def _is_end(tree: DecisionTree, node: int, root: int, cut: frozenset[int]) -> bool:
