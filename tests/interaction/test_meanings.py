@@ -6,6 +6,7 @@ import pytest
 from gymnasium import spaces
 
 import eutree
+from eutree.data import Demonstrations, Episode, derive
 from eutree.errors import InvalidArgumentError
 from eutree.policies import TreePolicy
 from eutree.schema import Feature, Schema
@@ -78,6 +79,20 @@ def test_diff_compares_no_other_formulas_of_one_name():
     assert eutree.diff(lead("a + b"), lead("a + b")).share == 0.0
     with pytest.raises(InvalidArgumentError, match=r"lead = a \+ b.* got .*lead = a - b"):
         eutree.diff(lead("a + b"), lead("a - b"))
+
+
+def test_why_counts_no_steps_by_other_formulas():
+    schema = Schema((Feature("a", "", 0, 2), Feature("b", "", 0, 2)), ("stop", "go"))
+    episode = Episode([[1.0, 1.0], [2.0, 0.0]], [0], [0.0], True, False)
+    shown = Demonstrations((episode,), schema)
+    policy = deciding(schema.derive(["lead = a + b"]), 2)
+    found = eutree.why(policy, [1, 1], demonstrations=derive(shown, ["lead = a + b"]))
+    assert [one.step for one in found.support] == [0]
+    for other in (shown, derive(shown, ["lead = a - b"])):
+        with pytest.raises(
+            InvalidArgumentError, match=r"derived features of .* got \[('a - b')?\]"
+        ):
+            eutree.why(policy, [1, 1], demonstrations=other)
 
 
 def test_kinds_of_a_code_keep_its_order_and_those_of_a_group_their_names():

@@ -9,7 +9,8 @@ from numpy.typing import ArrayLike
 from eutree.arrays import Floats
 from eutree.data import Demonstrations
 from eutree.display import Displayed, counted
-from eutree.features import formulas_of
+from eutree.errors import InvalidArgumentError
+from eutree.features import Derivation, formulas_of
 from eutree.inspection.regions import Region, domain, is_box, leaf_parts
 from eutree.policies import TreePolicy
 from eutree.schema import Schema
@@ -258,6 +259,12 @@ def _scale(policy: TreePolicy, scale: ArrayLike | None) -> Floats:
 def _support(policy: TreePolicy, leaf: int, demonstrations: Demonstrations) -> tuple[Support, ...]:
     found = []
     shown = check_kind("demonstrations", demonstrations, Demonstrations)
+    if Derivation.of(shown.schema).formulas != policy.derivation.formulas:
+        mine, theirs = ([f.formula for f in of.schema.derived] for of in (policy, shown))
+        raise InvalidArgumentError(
+            f"demonstrations must have the derived features of the policy, {mine}, got {theirs}; "
+            "eutree.data.derive makes them"
+        )
     for number, episode in enumerate(shown.with_history(policy.history, policy.past_actions)):
         steps = np.flatnonzero(policy.tree.leaf_index(episode.observations[:-1]) == leaf).tolist()
         found += [Support(number, step, int(episode.actions[step])) for step in steps]
