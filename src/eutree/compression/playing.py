@@ -304,4 +304,4 @@ def moved(policy: TreePolicy, node: int, at: float) -> TreePolicy:
     threshold = policy.tree.threshold.copy()
     threshold[node] = at
     tree = replace(policy.tree, threshold=threshold)
-    return replace(policy, tree=tree, leaves=None, locked=())
+    return replace(policy, tree=tree, leaves=None, ranks=None, locked=())

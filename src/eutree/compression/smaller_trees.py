@@ -11,7 +11,7 @@ from eutree.arrays import Floats, Integers
 from eutree.c45 import C45Settings
 from eutree.errors import InvalidArgumentError, UnknownNameError
 from eutree.policies import TreePolicy
-from eutree.policies.reach import within_kinds
+from eutree.policies.reach import with_actions, with_pieces, within_kinds
 from eutree.schema import Schema
 from eutree.trees import DecisionTree
 from eutree.trees.boxes import node_boxes, possible_nodes
@@ -142,7 +142,7 @@ def _combined(left: Floats, right: Floats) -> Floats:
 
 def with_tree(policy: TreePolicy, tree: DecisionTree, actions: Integers) -> TreePolicy:
     """Return the policy with another tree, of which nothing is counted or locked yet."""
-    return replace(policy, tree=tree, actions=actions, leaves=None, locked=())
+    return replace(policy, tree=tree, actions=actions, leaves=None, ranks=None, locked=())
 
 
 # Where some decisions may change: release 8 pruned ever more, in case less is enough.
@@ -156,7 +156,7 @@ def merged(policy: TreePolicy) -> TreePolicy:
     """
     if policy.masked:
         return policy if policy.locked else _joined(policy)
-    policy = within_kinds(replace(policy, leaves=None, locked=()))
+    policy = within_kinds(with_tree(policy, policy.tree, policy.actions))
     tree, actions = merge(policy.tree, policy.actions)
     return replace(policy, tree=tree, actions=actions)
 
@@ -165,8 +165,7 @@ def _joined(policy: TreePolicy) -> TreePolicy:
     """Return the policy with siblings of one order joined, if all leaves keep theirs then."""
     orders, one, labels = np.unique(policy.orders, axis=0, return_index=True, return_inverse=True)
     tree, kept = merge(policy.tree, labels.reshape(-1))
-    known = policy.leaves and policy.leaves.of(one[kept])
-    found = replace(policy, tree=tree, actions=orders[kept, 0], leaves=known)
+    found = with_pieces(policy, tree, one[kept])
     return found if (found.orders == orders[kept]).all() else policy
 
 
@@ -176,12 +175,13 @@ def with_locks(changed: TreePolicy, policy: TreePolicy) -> TreePolicy:
         return changed
     n_actions = policy.schema.n_actions
     marks = {leaf: n_actions + leaf for leaf in policy.locked}  # one label each: never joined
-    tree, labels, kept = graft(policy.tree, marks, changed.tree, changed.actions)
-    tree, leaves = reachable(tree, holding(tree, kept) | possible_nodes(tree, policy.schema))
+    tree, labels, stay = graft(policy.tree, marks, changed.tree, changed.actions)
+    tree, leaves = reachable(tree, holding(tree, stay) | possible_nodes(tree, policy.schema))
     tree, labels = merge(tree, labels[leaves])
     actions = np.concatenate([np.arange(n_actions), policy.actions])[labels]
-    locked = tuple(np.flatnonzero(labels >= n_actions).tolist())
-    return replace(policy, tree=tree, actions=actions, leaves=None, locked=locked)
+    kept = with_actions(policy, policy.actions)  # under masks, too
+    found = with_pieces(kept, tree, np.maximum(labels - n_actions, -1))
+    return replace(found, actions=actions, leaves=None)
 
 
 def by_c45(policy: TreePolicy, rows: Floats, settings: C45Settings) -> TreePolicy:

@@ -264,7 +264,7 @@ def cuts(policy: TreePolicy, log: FittedLog) -> list[TreePolicy]:
         _cut_to(max(int(share * policy.n_leaves), 1), tree, label, worth)
         small, actions = merge(*rebuild(tree, np.arange(tree.n_nodes), label))
         if small.n_leaves < found[-1].n_leaves:
-            found.append(replace(policy, tree=small, actions=actions, leaves=None))
+            found.append(replace(policy, tree=small, actions=actions, leaves=None, ranks=None))
     return found
 
 

@@ -123,8 +123,8 @@ def in_integers(policy: TreePolicy, scales: tuple[float, ...]) -> tuple[TreePoli
     reached[tree.left[inner]] = limit[inner] >= _LOWEST
     reached[tree.right[inner]] = limit[inner] < _HIGHEST
     scaled, before = reachable(replace(tree, threshold=limit), reached)
-    actions = policy.actions[before]
-    return replace(policy, tree=scaled, actions=actions, leaves=None, locked=()), before
+    policy = replace(policy, leaves=None, ranks=None, locked=())
+    return replace(policy, tree=scaled, actions=policy.actions[before]), before
 
 
 def largest_integer(threshold: float, scale: float) -> int:

@@ -178,7 +178,7 @@ def repairs(
 
 def _labelled(policy: TreePolicy, labels: Integers) -> TreePolicy:
     tree, actions = merge(policy.tree, labels)
-    return replace(policy, tree=tree, actions=actions, leaves=None)
+    return replace(policy, tree=tree, actions=actions, leaves=None, ranks=None)
 
 
 def _cut(policy: TreePolicy, demonstrations: Demonstrations, leaf: int) -> TreePolicy:
@@ -190,7 +190,7 @@ def _cut(policy: TreePolicy, demonstrations: Demonstrations, leaf: int) -> TreeP
     kept = {n: action for n, action in enumerate(policy.actions.tolist()) if n != leaf}
     if kept:
         scion, labels, _ = graft(policy.tree, kept, scion, labels)
-    return _labelled(replace(policy, tree=scion, actions=labels), labels)
+    return _labelled(replace(policy, tree=scion, actions=labels, ranks=None), labels)
 
 
 # Hundreds of episodes are known to begin with, so it is planned early and often: waiting until they

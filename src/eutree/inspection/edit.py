@@ -10,7 +10,7 @@ from eutree.errors import InvalidArgumentError, UnknownNameError
 from eutree.inspection.properties import Property, parse
 from eutree.inspection.regions import Region, is_box, leaf_parts
 from eutree.policies import TreePolicy
-from eutree.policies.reach import within_kinds
+from eutree.policies.reach import with_actions, with_pieces, within_kinds
 from eutree.trees import DecisionTree
 from eutree.trees.boxes import leaf_boxes
 from eutree.trees.edit import graft
@@ -79,9 +79,8 @@ def edit(
     if locked != set(policy.locked):
         changes.append(f"locked leaves: {sorted(locked) or 'none'}")
     result = replace(
-        policy,
+        with_actions(policy, labels) if actions else policy,
         tree=replace(tree, threshold=cuts),
-        actions=labels,
         locked=tuple(sorted(locked)),
         # Counts of other boxes say nothing now, but under masks they are what is fallen back on.
         leaves=None if moved and not policy.masked else policy.leaves,
@@ -177,14 +176,13 @@ def _with_rule(policy: TreePolicy, rule: Property, region: Region, action: int) 
     _check_locks(policy, rule, region, action)
     box, inside = _box_tree(region, policy.tree.n_features)
     tree, origins, ruled = graft(box, {inside: _ENFORCED}, policy.tree, np.arange(policy.n_leaves))
-    kept = np.isin(origins, list(policy.locked))
+    found = with_pieces(with_actions(policy, policy.actions), tree, origins)
     return replace(
-        policy,
-        tree=tree,
-        actions=np.where(origins == _ENFORCED, action, policy.actions[origins]),
-        locked=tuple(sorted(ruled | set(np.flatnonzero(kept).tolist()))),
+        found,
+        actions=np.where(origins == _ENFORCED, action, found.actions),
+        locked=tuple(sorted(ruled.union(found.locked))),
         # Counts of other boxes say nothing now, but under masks they are what is fallen back on.
-        leaves=policy.leaves.of(origins) if policy.leaves and policy.masked else None,
+        leaves=found.leaves if policy.masked else None,
     )
 
 

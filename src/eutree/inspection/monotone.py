@@ -20,6 +20,7 @@ from eutree.errors import InvalidArgumentError
 from eutree.inspection.properties import Property, check_says_all, parse
 from eutree.inspection.regions import is_box, ways
 from eutree.policies import TreePolicy
+from eutree.policies.reach import with_actions
 from eutree.schema import Schema
 from eutree.trees.boxes import leaf_boxes
 from eutree.trees.edit import merge
@@ -115,9 +116,9 @@ def keep_monotone(
     one_for_all = np.full(policy.n_leaves, worth.sum(axis=0).argmax())  # keeps any rule
     actions = max(found or [one_for_all], key=lambda labels: float(worth[leaves, labels].sum()))
     if policy.locked or policy.masked:  # what leaves fall back on differs, too
-        return replace(policy, actions=actions)
+        return with_actions(policy, actions)
     tree, labels = merge(policy.tree, actions)
-    return replace(policy, tree=tree, actions=labels, leaves=None)
+    return replace(policy, tree=tree, actions=labels, leaves=None, ranks=None)
 
 
 def _labels(

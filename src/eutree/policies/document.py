@@ -1,6 +1,7 @@
 """The file of a policy: versioned JSON that a person can read and a diff can show."""
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
@@ -8,7 +9,7 @@ import msgspec
 import numpy as np
 from msgspec.structs import astuple
 
-from eutree.arrays import Floats, Integers
+from eutree.arrays import Floats
 from eutree.errors import FormatError, InvalidArgumentError, blamed
 from eutree.files import Document
 from eutree.files.documents import checksum_of, encode_document
@@ -26,6 +27,7 @@ from eutree.trees import DecisionTree
 
 # Node 0 is the root. A node is either ``{"feature", "threshold", "left", "right"}`` (true of
 # ``x[feature] <= threshold`` goes left, everything else, NaN included, right) or ``{"leaf"}``.
+
 
 _Number = Annotated[int, msgspec.Meta(ge=-1, lt=2**31 - 1)]
 
@@ -88,13 +90,14 @@ def _node_problem(
 
 
 class LeafDocument(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
-    """A leaf's action, its statistics for each action where known, and whether it is locked."""
+    """A leaf's action, statistics and ranks of each action where known, whether it is locked."""
 
     action: Index
     visits: list[int] | None = None
     values: list[float | None] | None = None
     deviations: list[float | None] | None = None
     locked: bool = False
+    ranks: list[Index] | None = None
 
 
 class PolicyDocument(Document, frozen=True, kw_only=True, omit_defaults=True):
@@ -117,7 +120,6 @@ class PolicyDocument(Document, frozen=True, kw_only=True, omit_defaults=True):
     checksum: str = ""  # filled in on writing
 
 
-_STATISTICS = ("visits", "values", "deviations")  # of a leaf, a row of numbers each
 PolicyParts = dict[str, Any]  # fields of a ``TreePolicy``, which is made with this module
 
 
@@ -157,6 +159,7 @@ def policy_parts(document: PolicyDocument, path: str | Path) -> PolicyParts:
         leaves=_statistics(document.leaves, schema.n_actions, path),
         locked=tuple(number for number, leaf in enumerate(document.leaves) if leaf.locked),
         masked=document.masked,
+        ranks=_columns(document.leaves, ["ranks"], schema.n_actions, path)[0],
     )
 
 
@@ -165,50 +168,64 @@ def check_unchanged(document: PolicyDocument, path: str | Path) -> None:
 
     Files of version 1 have none.
     """
-    if document.version >= 2 and document.checksum != (found := checksum_of(document)):
-        reason = (
+    if document.version < 2:
+        return
+    found = checksum_of(document)
+    if document.checksum != found:
+        raise FormatError(
+            path,
+            "checksum",
             f"the file was changed after eutree wrote it: its checksum is {document.checksum!r}, "
             f"that of its content {found!r}. If the change is meant, look at it and accept it: "
-            f"eutree edit {path} --reseal"
+            f"eutree edit {path} --reseal",
         )
-        raise FormatError(path, "checksum", reason)
 
 
 def _leaves_to_document(parts: PolicyParts) -> list[LeafDocument]:
-    actions, known = parts["actions"].tolist(), parts["leaves"]
-    shape = (len(actions), parts["schema"].n_actions)
-    columns: list[list[Any]] = [[None] * len(actions) for _ in _STATISTICS]
-    for place, name in enumerate(() if known is None else _STATISTICS):
-        matrix = getattr(known, name)
-        if matrix.shape != shape:
-            raise InvalidArgumentError(f"leaves.{name} must have shape {shape}, got {matrix.shape}")
-        columns[place] = _nan_to_none(matrix)
-    locked = np.isin(range(len(actions)), parts["locked"]).tolist()
-    return [LeafDocument(*row) for row in zip(actions, *columns, locked, strict=True)]
+    actions, known, locked = parts["actions"].tolist(), parts["leaves"], set(parts["locked"])
+    shape, columns = (len(actions), parts["schema"].n_actions), [actions]
+    for name in ("visits", "values", "deviations"):
+        column = getattr(known, name, None)
+        if column is not None and column.shape != shape:
+            raise InvalidArgumentError(f"leaves.{name} must have shape {shape}, got {column.shape}")
+        columns.append(_rows(column, len(actions)))
+    columns += [
+        [leaf in locked for leaf in range(len(actions))],
+        _rows(parts["ranks"], len(actions)),
+    ]
+    return [LeafDocument(*row) for row in zip(*columns, strict=True)]
 
 
-def _nan_to_none(matrix: Floats | Integers) -> list[list[float | None]]:
+def _rows(matrix: Floats | None, n_leaves: int) -> list[list[float | None] | None]:
+    if matrix is None:
+        return [None] * n_leaves
     return [[None if value != value else value for value in row] for row in matrix.tolist()]
+
+
+def _columns(
+    leaves: list[LeafDocument], names: Sequence[str], n_actions: int, path: str | Path
+) -> list[Any]:
+    """Return what every leaf says of each action under some names; None if none says any of it."""
+    found = [[row for leaf in leaves if (row := getattr(leaf, one)) is not None] for one in names]
+    for name, rows in zip(names, found, strict=True) if any(found) else ():
+        if len(rows) != len(leaves) or any(len(row) != n_actions for row in rows):
+            reason = f"every leaf must have {n_actions} {name}, one for each action, or none any"
+            raise FormatError(path, "leaves", reason)
+    return [rows or None for rows in found]
 
 
 def _statistics(
     leaves: list[LeafDocument], n_actions: int, path: str | Path
 ) -> LeafStatistics | None:
     """Return the statistics if every leaf has them, None if none has."""
-    columns: dict[str, list[list[Any]]] = {
-        name: [row for leaf in leaves if (row := getattr(leaf, name)) is not None]
-        for name in _STATISTICS
-    }
-    if not any(columns.values()):
+    names = ("visits", "values", "deviations")
+    visits, values, deviations = _columns(leaves, names, n_actions, path)
+    if visits is None:
         return None
-    for name, rows in columns.items():
-        if len(rows) != len(leaves) or any(len(row) != n_actions for row in rows):
-            reason = f"every leaf must have {n_actions} {name}, one for each action, or none any"
-            raise FormatError(path, "leaves", reason)
     try:
-        visits = np.array(columns["visits"], dtype=np.int64)
+        visits = np.array(visits, dtype=np.int64)
     except OverflowError:
         raise FormatError(path, "leaves", "visits must fit 64 bits") from None
     if visits.min() < 0:
         raise FormatError(path, "leaves", f"visits must be >= 0, got {visits.min()}")
-    return LeafStatistics(visits, *(np.array(columns[one], float) for one in _STATISTICS[1:]))
+    return LeafStatistics(visits, values, deviations)

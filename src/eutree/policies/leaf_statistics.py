@@ -80,37 +80,32 @@ def returns_by_action(
     Of each transition are given the leaf that it left, its action, and the sum of the rewards from
     it to the end of its episode.
     """
-    shape, size = (n_leaves, n_actions), n_leaves * n_actions
-    cells = leaves.astype(np.int64) * n_actions + actions  # [N]
-    visits = np.bincount(cells, minlength=size)
-    values = np.bincount(cells, returns, minlength=size) / np.maximum(visits, 1)
-    return leaf_statistics(
-        leaves, actions, returns, visits=visits.reshape(shape), values=values.reshape(shape)
-    )
+    visits, sums = np.zeros((n_leaves, n_actions), np.int64), np.zeros((n_leaves, n_actions))
+    np.add.at(visits, (leaves, actions), 1)
+    np.add.at(sums, (leaves, actions), returns)
+    values = sums / np.maximum(visits, 1)
+    return leaf_statistics(leaves, actions, returns, visits=visits, values=values)
 
 
 def orders_of(
-    tree: DecisionTree, actions: Integers, n_actions: int, leaves: LeafStatistics | None
+    tree: DecisionTree, own: Integers, leaves: LeafStatistics | None, ranks: Integers | None
 ) -> Integers:
     """Return the order in which each leaf prefers the actions, its own first, shape [L, A].
 
-    The others follow by their value in the leaf, then by their visits, where these are known; then
-    those that the nearest leaves of the tree have, the more of them the earlier; then by number.
+    ``own`` is 1 for the action of each leaf, [L, A]. The others follow by their ranks, [L, A], by
+    their value in the leaf, then by their visits, where these are known; then those that the
+    nearest leaves of the tree have, the more of them the earlier; then by number.
     """
-    counts = tree.totals(np.eye(n_actions, dtype=np.int64)[actions])  # leaves of each action
-    orders = np.empty((tree.n_leaves, n_actions), dtype=np.int64)
+    counts = tree.totals(own)  # leaves of each action
+    level, of_level = np.empty((2, *own.shape), dtype=np.int64)
     for leaf in range(tree.n_leaves):
-        path = np.array(tree.path(leaf)[::-1])
-        near = counts[path]  # [depth + 1, A], the leaf first
-        level = np.where(near.any(axis=0), (near > 0).argmax(axis=0), len(path))
-        of_level = near[np.minimum(level, len(path) - 1), np.arange(n_actions)]
-        value = np.full(n_actions, np.nan) if leaves is None else leaves.values[leaf]
-        visits = np.zeros(n_actions, np.int64) if leaves is None else leaves.visits[leaf]
-        others = np.arange(n_actions) != actions[leaf]
-        orders[leaf] = np.lexsort(
-            (-of_level, level, -visits, -np.nan_to_num(value), np.isnan(value), others)
-        )
-    return orders
+        near = counts[list(tree.path(leaf)[::-1])]  # [depth + 1, A], the leaf first
+        level[leaf] = (near == 0).sum(axis=0)  # they never fall on the way up
+        of_level[leaf] = near[np.minimum(level[leaf], len(near) - 1), np.arange(own.shape[1])]
+    keys = [-of_level, level]
+    if leaves is not None:
+        keys += [-leaves.visits, -np.nan_to_num(leaves.values), np.isnan(leaves.values)]
+    return np.lexsort([*keys, *([] if ranks is None else [ranks]), -own])
 
 
 def check_masks(masks: ArrayLike, shape: tuple[int, ...]) -> Booleans:

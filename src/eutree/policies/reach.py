@@ -1,11 +1,12 @@
-"""A policy without the tests that no observation can answer in two ways."""
+"""A policy of other leaves: without tests that all observations answer alike, or edited."""
 
 from dataclasses import replace
 
 import numpy as np
 
-from eutree.arrays import Booleans, Floats
+from eutree.arrays import Booleans, Floats, Integers
 from eutree.policies.tree_policy import TreePolicy
+from eutree.trees import DecisionTree
 from eutree.trees.boxes import possible_nodes
 from eutree.trees.edit import holding, reachable
 
@@ -38,22 +39,42 @@ def within_kinds(policy: TreePolicy) -> TreePolicy:
 def _reached(policy: TreePolicy, reached: Booleans) -> TreePolicy:
     """Return the policy without the tests that have a child which is not reached."""
     tree, leaves = reachable(policy.tree, reached)
-    if tree.n_leaves == policy.n_leaves:
-        return policy
-    known, locked = policy.leaves, set(policy.locked)
+    return policy if tree.n_leaves == policy.n_leaves else with_pieces(policy, tree, leaves)
+
+
+def with_pieces(policy: TreePolicy, tree: DecisionTree, pieces: Integers) -> TreePolicy:
+    """Return the policy with another tree, whose leaves are pieces of its own leaves.
+
+    Their numbers are ``pieces``, [L]; of a negative one, a new leaf, nothing is known or locked.
+    """
+    known, ranks = policy.leaves, policy.ranks
     return replace(
         policy,
         tree=tree,
-        actions=policy.actions[leaves],
-        leaves=known and known.of(leaves),
-        locked=tuple(new for new, leaf in enumerate(leaves.tolist()) if leaf in locked),
+        actions=policy.actions[pieces],
+        leaves=known and known.of(pieces),
+        ranks=None if ranks is None else np.where(pieces[:, np.newaxis] < 0, 0, ranks[pieces]),
+        locked=tuple(np.flatnonzero(np.isin(pieces, policy.locked)).tolist()),
     )
+
+
+def with_actions(policy: TreePolicy, actions: Integers) -> TreePolicy:
+    """Return the policy with these actions of its leaves, [L].
+
+    Where actions may be masked, a leaf that has its old one falls back on the same as before,
+    whatever becomes of the leaves around it.
+    """
+    ranks = policy.ranks
+    if policy.masked:
+        same = np.equal(actions, policy.actions)[:, np.newaxis]
+        ranks = np.where(same, np.argsort(policy.orders, axis=1), 0)
+    return replace(policy, actions=actions, ranks=ranks)
 
 
 def among_allowed(policy: TreePolicy, observations: Floats, allowed: Booleans) -> TreePolicy:
     """Return a policy whose leaves name no action that was never allowed where they decided.
 
-    Such a leaf names the first action of its order that was; its decisions stay the same. Actions
+    Such a leaf names the first action of its order that was; what follows is found anew. Actions
     were masked at ``observations``, [N, d], where those of ``allowed``, [N, A], were left.
     """
     ever = ever_allowed(policy, observations, allowed)

@@ -169,6 +169,8 @@ class TreePolicy(Displayed, Frozen):
         locked: Leaves that neither learning nor an edit may change, in order.
         masked: Whether some actions are forbidden at times where it acts. Then a leaf decides for
             the first action that is allowed in its order; see ``orders``.
+        ranks: Place of each action in the order of its leaf, where an edit keeps what a leaf falls
+            back on; all 0 where ``tree`` and ``leaves`` say it.
     """
 
     reads_features: ClassVar[bool] = True
@@ -182,19 +184,21 @@ class TreePolicy(Displayed, Frozen):
     leaves: LeafStatistics | None = None
     locked: tuple[int, ...] = ()
     masked: bool = False
+    ranks: Integers | None = None  # [L, A]
 
     def __post_init__(self) -> None:
         for one in fields(self):
             if one.name in _KINDS and getattr(self, one.name) is not one.default:
                 check_kind(one.name, getattr(self, one.name), _KINDS[one.name])
-        check_whole("actions", self.actions)
-        freeze(self, "actions", dtype=np.int64)
         object.__setattr__(self, "locked", tuple(self.locked))
-        if self.actions.shape != (self.tree.n_leaves,):
-            raise InvalidArgumentError(
-                f"actions must have one entry for each of the {self.tree.n_leaves} leaves, "
-                f"got shape {self.actions.shape}"
-            )
+        shapes = {"actions": (self.n_leaves,), "ranks": (self.n_leaves, self.schema.n_actions)}
+        for name, shape in shapes.items():
+            if name == "ranks" and self.ranks is None:
+                continue
+            check_whole(name, getattr(self, name))
+            freeze(self, name, dtype=np.int64)
+            if (given := getattr(self, name).shape) != shape:
+                raise InvalidArgumentError(f"{name} must have shape {shape}, got {given}")
         if self.actions.min() < 0 or self.actions.max() >= self.schema.n_actions:
             raise InvalidArgumentError(
                 f"actions must be in 0..{self.schema.n_actions - 1}, got {self.actions.tolist()}"
@@ -228,7 +232,8 @@ class TreePolicy(Displayed, Frozen):
     @cached_property
     def orders(self) -> Integers:
         """The order in which each leaf prefers the actions, its own first, shape [L, A]."""
-        return frozen(orders_of(self.tree, self.actions, self.schema.n_actions, self.leaves))
+        own = np.eye(self.schema.n_actions, dtype=np.int64)[self.actions]
+        return frozen(orders_of(self.tree, own, self.leaves, self.ranks))
 
     @property
     def observation_size(self) -> int:
@@ -439,9 +444,16 @@ class TreePolicy(Displayed, Frozen):
             known and [column.tobytes() for column in vars(known).values()]
             for known in (self.leaves, other.leaves)
         )
-        same = self.tree.equals(other.tree) and np.array_equal(self.actions, other.actions)
-        rest = ("schema", "environment", "features", "locked", "masked")
-        return same and mine == theirs and all(getattr(self, k) == getattr(other, k) for k in rest)
+        equal, arrays = (
+            ("schema", "environment", "features", "locked", "masked"),
+            ("actions", "ranks"),
+        )
+        return (
+            self.tree.equals(other.tree)
+            and all(getattr(self, one) == getattr(other, one) for one in equal)
+            and all(np.array_equal(getattr(self, one), getattr(other, one)) for one in arrays)
+            and mine == theirs
+        )
 
     def __hash__(self) -> int:
         """Return the same for equal policies."""

@@ -13,7 +13,7 @@ import numpy as np
 
 from eutree.arrays import Booleans, Floats, Integers
 from eutree.compiled import compiled
-from eutree.compression.smaller_trees import Costs, Ladder, with_locks
+from eutree.compression.smaller_trees import Costs, Ladder, with_locks, with_tree
 from eutree.contests.rules import OBVIOUS, Lead, lead_apart
 from eutree.data import Episode
 from eutree.policies import TreePolicy
@@ -394,8 +394,7 @@ class Proposals:
 
     def _policy_of(self, tree: ActionTree) -> TreePolicy:
         """Return a tree as a policy, with the locked leaves of the start in it."""
-        state_tree, actions = to_decision_tree(tree, self._start.tree.n_features)
-        free = replace(self._start, tree=state_tree, actions=actions, leaves=None, locked=())
+        free = with_tree(self._start, *to_decision_tree(tree, self._start.tree.n_features))
         return with_locks(free, self._start)
 
 
@@ -406,7 +405,8 @@ def key(tree: TreePolicy) -> bytes:
 
 def identity(policy: TreePolicy) -> bytes:
     """Return the key of a policy as it plays: under masks what its leaves know decides, too."""
-    known = policy.masked and (policy.orders != replace(policy, leaves=None).orders).any()
+    bare = with_tree(policy, policy.tree, policy.actions)
+    known = policy.masked and (policy.orders != bare.orders).any()
     return key(policy) + (policy.orders.tobytes() if known else b"")
 
 
