@@ -290,6 +290,27 @@ def test_no_variable_of_structured_text_hides_a_function():
     assert not functions & variables
 
 
+@pytest.mark.parametrize("name", ["last", "LAST"])
+def test_no_last_value_of_structured_text_hides_a_function(name):
+    """`last_ratio(tree, ratio - last_tree) + last_ratio` called a variable, and so did a valve."""
+    names = ("tree", "Ratio", "block0", "valve", "last valve")
+    controls = (Control("valve", "%", (0.0, 100.0)),)
+    schema = Schema(tuple(map(Feature, names)), ("shut", "open"), controls)
+    quotient = "d = tree / (Ratio - last(tree)) + last(Ratio) - last(block0)"
+    schema = schema.derive([quotient, "e = valve - last(valve)"])
+    tree = DecisionTree.single_leaf(7).split(0, 5, 0.5).split(1, 6, 0.0)
+    policy = TreePolicy(tree, np.array([0, 1, 0]), schema)
+    source = to_structured_text(policy, name=name)
+    functions = re.findall(r"^FUNCTION(?:_BLOCK)? (\w+)", source, re.MULTILINE)
+    variables = {one.casefold() for one in re.findall(r"^    (\w+) : ", source, re.MULTILINE)}
+    assert {"last", "last_tree", "last_ratio"} < {one.casefold() for one in functions}
+    assert len({one.casefold() for one in functions}) == len(functions)
+    assert not variables & {one.casefold() for one in functions}
+    rows = np.random.default_rng(0).normal(size=(200, 5))
+    space = run_structured_text(source.partition("CASE")[0].rpartition("FUNCTION")[0])
+    assert [space[name](*row, False) for row in rows.tolist()] == decided(policy, rows)
+
+
 def test_what_no_test_asks_for_is_no_input_of_structured_text():
     controls = (Control("valve", "%", (0.0, 50.0, 100.0)),)
     schema = Schema(ROAD.features, ("shut", "half", "open"), controls).derive(LAST)

@@ -104,11 +104,8 @@ def function_name(stem: str) -> str:
 def _heading(policy: TreePolicy, kind: Numbers) -> list[str]:
     """Return the comment at the top: inputs, outputs, and conditions."""
     made_for = f" for {text.printable(policy.environment.id)}" if policy.environment else ""
-    lines = [
-        f"A decision tree with {counted(policy.n_leaves, 'leaf')}{made_for}.",
-        "",
-        "Observation:",
-    ]
+    title = f"A decision tree with {counted(policy.n_leaves, 'leaf')}{made_for}."
+    lines = [title, "", "Observation:"]
     for index, feature in enumerate(policy.schema.measured.features):
         bounds = f", {feature.low!r} to {feature.high!r}"
         scale = f", times {kind.scales[index]!r}, as an integer" if kind.scales else ""

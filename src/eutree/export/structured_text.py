@@ -26,9 +26,15 @@ def to_structured_text(policy: TreePolicy, *, name: str = "decide") -> str:
     code.check_identifier("name", name, reserved=code.STRUCTURED_TEXT_WORDS, single=True)
     schema = policy.schema
     computed = code.exported_features(policy)
-    ours = {name, *(f"{name}_{part}" for part in _parts(policy, name))}
+    parts = {f"block{root}" for root in code.block_roots(policy.tree)}
+    parts |= {"tree", *code.functions("structured_text", name)}  # behind ``NAME_``
+    ours = {name, *(f"{name}_{part}" for part in parts)}
     reserved = code.STRUCTURED_TEXT_WORDS | ours | (_OWN if computed else set())
     inputs = code.identifiers(schema.feature_names, reserved=reserved)
+    remembered = code.remembered_features(policy)
+    kept = code.identifiers(
+        [f"last {inputs[j]}" for j in remembered], reserved={*reserved, *inputs}
+    )
     measured = inputs[: policy.derivation.n_measured] if schema.derived else inputs
     lines = [
         f"(* A decision tree with {counted(policy.n_leaves, 'leaf')}"
@@ -42,8 +48,10 @@ def to_structured_text(policy: TreePolicy, *, name: str = "decide") -> str:
     for root in code.block_roots(policy.tree):
         lines += _function(policy, name, inputs if computed else measured, root)
     if computed:
-        lines += _entry(policy, name, inputs)
-    return "\n".join([*lines, *_values(policy, name, measured)]) + "\n"
+        lines += _entry(policy, name, inputs, dict(zip(remembered, kept, strict=True)))
+    # A FUNCTION and a variable must not have the same name.
+    taken = parts | code.behind(name, [*inputs, *kept, *_OWN, *code.STRUCTURED_TEXT_WORDS])
+    return "\n".join([*lines, *_values(policy, name, measured, taken)]) + "\n"
 
 
 def literal(value: float) -> str:
@@ -51,12 +59,6 @@ def literal(value: float) -> str:
     digits, _, exponent = repr(value).partition("e")
     mantissa = digits if "." in digits else f"{digits}.0"
     return f"{mantissa}E{int(exponent)}" if exponent else mantissa
-
-
-def _parts(policy: TreePolicy, name: str) -> set[str]:
-    """Return what our own functions are called behind ``NAME_``, but those of controls."""
-    blocks = {f"block{root}" for root in code.block_roots(policy.tree)}
-    return blocks | {"tree", *code.functions("structured_text", name)}
 
 
 def _function(policy: TreePolicy, name: str, inputs: list[str], root: int) -> list[str]:
@@ -95,15 +97,12 @@ def _inputs(policy: TreePolicy, inputs: list[str]) -> list[str]:
     return ["VAR_INPUT", *variables, "END_VAR"]
 
 
-def _entry(policy: TreePolicy, name: str, inputs: list[str]) -> list[str]:
-    """Return the FUNCTION, or FUNCTION_BLOCK, that computes the derived features."""
+def _entry(policy: TreePolicy, name: str, inputs: list[str], last: dict[int, str]) -> list[str]:
+    """Return the FUNCTION, or FUNCTION_BLOCK, that computes the derived features.
+
+    ``last`` is what keeps the last value of each feature that is remembered.
+    """
     first, computed = policy.derivation.n_measured, code.exported_features(policy)
-    remembered = code.remembered_features(policy)
-    kept = code.identifiers(
-        [f"last {inputs[j]}" for j in remembered],
-        reserved=[*code.STRUCTURED_TEXT_WORDS, name, *inputs, *_OWN],
-    )
-    last = dict(zip(remembered, kept, strict=True))
     operators = code.operations(name, literal, "SEL({0}, {2}, {1})", "AND", "OR")
 
     def begin(j: int) -> list[str]:
@@ -118,10 +117,10 @@ def _entry(policy: TreePolicy, name: str, inputs: list[str]) -> list[str]:
         f"    {inputs[j]} : LREAL; (* {text.labelled(policy.schema.features[j])} *)"
         for j in computed
     ]
-    own += [f"    {variable} : LREAL; (* at the step before *)" for variable in kept]
-    body += [f"{last[j]} := {inputs[j]};" for j in remembered]
+    own += [f"    {variable} : LREAL; (* at the step before *)" for variable in last.values()]
+    body += [f"{variable} := {inputs[j]};" for j, variable in last.items()]
     return code.called(body, code.functions("structured_text", name)) + code.filled(
-        "structured_text_remembers" if remembered else "structured_text_derives",
+        "structured_text_remembers" if last else "structured_text_derives",
         name=name,
         inputs=_inputs(policy, inputs[:first])[1:-1],
         own=own,
@@ -130,11 +129,10 @@ def _entry(policy: TreePolicy, name: str, inputs: list[str]) -> list[str]:
     )
 
 
-def _values(policy: TreePolicy, name: str, inputs: list[str]) -> list[str]:
+def _values(policy: TreePolicy, name: str, inputs: list[str], taken: set[str]) -> list[str]:
+    """Return a FUNCTION for each control, called none of what is ``taken`` behind ``NAME_``."""
     schema = policy.schema
-    # A FUNCTION and a variable in it must not have the same name.
-    taken = code.behind(name, [*inputs, *code.STRUCTURED_TEXT_WORDS])
-    names = code.control_identifiers(schema, reserved=taken | _parts(policy, name))
+    names = code.control_identifiers(schema, reserved=taken)
     lines: list[str] = []
     for number, (own, control) in enumerate(zip(names, schema.controls, strict=True)):
         title = f"{name}_{own}"
