@@ -107,6 +107,18 @@ def test_the_page_never_overwrites_the_policy(car, capsys):
     assert car.read_bytes() == before
 
 
+def test_with_sampled_it_is_not_said_that_no_plant_is_known(car, tmp_path, capsys):
+    """Of a plant that a module had registered, too: "none is known for MountainCar-v0"."""
+    assert run(["prove", str(car), "arrives", "--sampled"]) == 2
+    error = capsys.readouterr().err
+    assert "episodes of MountainCar-v0, asked with --sampled or where none is known," in error
+    assert "none is known for" not in error
+    path = tmp_path / "swing.json"
+    policy_of((0, 0.0, 0, 1), "Acrobot-v1").save(path)
+    assert run(["prove", str(path), "arrives"]) == 2
+    assert "needs a plant" in capsys.readouterr().err
+
+
 class Still(Plant):
     """A plant that does not say how boxes move."""
 

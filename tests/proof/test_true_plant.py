@@ -1,5 +1,6 @@
 """What a tree sees and does is the environment's: a plant that says otherwise proves nothing."""
 
+from dataclasses import replace
 from typing import Any, ClassVar
 
 import gymnasium
@@ -135,6 +136,18 @@ def test_actions_that_are_masked_are_refused(line):
     ):
         with pytest.raises(InvalidArgumentError, match="all actions must be allowed everywhere"):
             ask()
+
+
+def test_a_policy_that_says_masked_is_refused_for_what_it_is(line):
+    """It was said of the environment, which shows no masks."""
+    policy = replace(line(), masked=True)
+    with pytest.raises(
+        InvalidArgumentError, match=r"the policy \(its file says masked\) has masks"
+    ):
+        prove(policy, LinePlant(), "stays in place <= 9")
+    policy = replace(line(action_masks=lambda self: np.array([True, True])), masked=True)
+    with pytest.raises(InvalidArgumentError, match=f"{NAME} has masks"):
+        prove(policy, LinePlant(), "stays in place <= 9")
 
 
 def test_the_first_thing_that_is_seen_is_observed(line):

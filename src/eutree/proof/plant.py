@@ -245,16 +245,16 @@ class Plant:
                 f"are {' and '.join(sorted(types))}"
             )
         masks = ActionMasks(env)
-        self.check_allowed(masked or masks.now(info))
+        self.check_allowed(masks.now(info))
         env.action_space.seed(0)
         self.check_allowed(masks.now(env.step(env.action_space.sample())[4]))  # perhaps only now
+        self.check_allowed(masked or None, "the policy (its file says masked)")
 
-    def check_allowed(self, mask: Booleans | bool | None) -> None:
+    def check_allowed(self, mask: Booleans | bool | None, of: str = "") -> None:
         """Raise InvalidArgumentError where a mask says which actions are allowed."""
         if mask is not None:
-            raise InvalidArgumentError(
-                f"all actions must be allowed everywhere for a proof; {self.environment} has masks"
-            )
+            words = f"all actions must be allowed everywhere for a proof; {of or self.environment}"
+            raise InvalidArgumentError(f"{words} has masks")
 
 
 def _never(state: State) -> Truth:

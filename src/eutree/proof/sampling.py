@@ -122,9 +122,9 @@ def asked_of_episodes(
     asked = parse(question, None) if isinstance(question, str) else question
     if asked is not None and asked.kind not in ("succeeds", "returns"):
         raise InvalidArgumentError(
-            f"property {asked.text!r} needs a plant, which says how the states move; none is known "
-            f"for {environment}. Without one: 'succeeds with probability at least P', 'returns at "
-            "least R [with probability at least P]'"
+            f"property {asked.text!r} needs a plant, which says how the states move; episodes of "
+            f"{environment}, asked with --sampled or where none is known, answer 'succeeds with "
+            "probability at least P', 'returns at least R [with probability at least P]'"
         )
     if asked is not None and asked.kind == "returns" and asked.chance is None:
         _range(sampling)
