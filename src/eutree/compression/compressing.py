@@ -204,11 +204,8 @@ def _smallest(policy: TreePolicy, rows: Floats, mode: str) -> tuple[TreePolicy, 
         trees["paper"] = by_c45(policy, rows, C45Settings.unpruned())
     trees = {name: with_locks(tree, policy) for name, tree in trees.items()}
     wanted = policy.actions[policy.tree.leaf_index(rows)]
-    best = "merge"
-    for name, tree in trees.items():
-        same = mode == "paper" or _agreement(tree, rows, wanted) == 1.0
-        if same and tree.n_leaves < trees[best].n_leaves:
-            best = name
+    same = [one for one in trees if mode == "paper" or _agreement(trees[one], rows, wanted) == 1.0]
+    best = min(["merge", *same], key=lambda name: trees[name].n_leaves)
     return trees[best], best
 
 

@@ -19,7 +19,6 @@ from eutree.learners import History
 from eutree.learners.episode_buffer import transitions_of
 from eutree.policies import TreePolicy
 from eutree.policy_search.model_trust import rank_correlation
-from eutree.trees import DecisionTree
 from eutree.world_model import ActionTree, PairedRollouts, Transitions
 from eutree.world_model.action_trees import from_decision_tree, to_decision_tree
 from eutree.world_model.ensemble import EnsembleSettings, fit_ensemble
@@ -84,7 +83,7 @@ def acting(policy: TreePolicy) -> ActionTree:
     """Return the form of a policy that a world model runs."""
     tree = policy.tree
     inner = tree.feature != tree.NO_FEATURE
-    if not _in_preorder(tree):
+    if any(number != node for number, node in enumerate(tree.preorder())):
         return from_decision_tree(tree, policy.actions)
     return ActionTree(
         np.where(inner, tree.feature, -1).astype(np.int64),
@@ -93,17 +92,6 @@ def acting(policy: TreePolicy) -> ActionTree:
         np.where(inner, tree.right, 0).astype(np.int64),
         np.where(inner, 0, policy.actions[tree.leaf]),
     )
-
-
-def _in_preorder(tree: DecisionTree) -> bool:
-    left, right = tree.left.tolist(), tree.right.tolist()
-    pending = [0]
-    for number in range(tree.n_nodes):
-        if pending.pop() != number:
-            return False
-        if left[number] >= 0:
-            pending += [right[number], left[number]]
-    return True
 
 
 Experience = History | Demonstrations | Transitions

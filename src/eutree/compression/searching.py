@@ -109,13 +109,12 @@ class FrontSearch:
             gains = np.array([one.mean for one in episodes.gains_of_moves(moves, few=True)])
             order = [k for k in np.argsort(-gains, kind="stable").tolist() if gains[k] > 0.0]
             first = {moves[k][0]: k for k in reversed(order)}  # the best of each test
-            accepted = 0
+            before = episodes.present
             for k in sorted(first.values(), key=order.index):
                 (gain,) = episodes.gains_of_moves([moves[k]])
                 if gain.mean > SURE * gain.error:
                     episodes.run(moved(episodes.present, *moves[k]))
-                    accepted += 1
-            if not accepted:
+            if episodes.present is before:
                 break
         return self._checked(episodes.present)
 
