@@ -44,7 +44,7 @@ def assert_under(figure: int, ceiling: int) -> None:
     assert figure >= ceiling * (1 - SLACK) - 2, f"lower the ceiling of {ceiling} to {figure}"
 
 
-@pytest.mark.parametrize(("package", "ceiling"), [("eutree", 58_935), ("eutree_lab", 10_000)])
+@pytest.mark.parametrize(("package", "ceiling"), [("eutree", 59_110), ("eutree_lab", 10_000)])
 def test_lines_of_source(package: str, ceiling: int) -> None:
     """Targets: 42,000 lines of the core, then 40,000; 10,000 of the lab.
 
@@ -56,14 +56,16 @@ def test_lines_of_source(package: str, ceiling: int) -> None:
     every room, masks of parts, turns that wait, and angles that a network learns; and for 50 of
     proofs in which the last of 64 actions, or a number that may be none, was lost; and for 65 of
     mean returns of episodes that end in a pit, and of names in exports; and for 60 of shares where
-    episodes end before a property breaks or begin at whole numbers, and of features under masks.
+    episodes end before a property breaks or begin at whole numbers, and of features under masks;
+    and for 175 of codes, formulas and quantities that mean something else under one name, of what
+    was derived in earlier steps, and of what leaves fall back on where a tree is edited.
     """
     assert_under(lines(files(package)), ceiling)
 
 
-@pytest.mark.parametrize(("package", "ceiling"), [("eutree", 255), ("eutree_lab", 70)])
+@pytest.mark.parametrize(("package", "ceiling"), [("eutree", 256), ("eutree_lab", 70)])
 def test_files_of_source(package: str, ceiling: int) -> None:
-    """Target: 250 of the core; sums, and codes that are counted, are more (core-and-lab.md)."""
+    """Target: 250 of the core; sums, counted codes and controls are more (core-and-lab.md)."""
     assert_under(len(files(package)), ceiling)
 
 
