@@ -82,8 +82,8 @@ class Feature:
         return cls(*name_and_unit(label))
 
     def __post_init__(self) -> None:
-        for part in ("name", "unit"):
-            object.__setattr__(self, part, check_kind(part, getattr(self, part), str))
+        object.__setattr__(self, "name", check_kind("name", self.name, str))
+        object.__setattr__(self, "unit", check_kind("unit", self.unit, str))
         if math.isnan(self.low) or math.isnan(self.high) or self.low > self.high:
             raise InvalidArgumentError(
                 f"feature {self.name!r} must have low <= high, got {self.low} and {self.high}"
@@ -151,6 +151,13 @@ def _of_kind(feature: Feature, kind: str | Sequence[str]) -> Feature:
             f"got {', '.join(categories)}"
         )
     return replace(feature, low=low, high=high, is_integer=True, categories=categories)
+
+
+def _described(features: Sequence[Feature]) -> tuple[str, ...]:
+    """Return the names of features: how they are derived, and of codes those of their values."""
+    values = (f" ({', '.join(one.categories)})" if one.categories else "" for one in features)
+    formulas = (f" = {one.formula}" if one.formula else "" for one in features)
+    return tuple(map("".join, zip((one.name for one in features), formulas, values, strict=True)))
 
 
 @dataclass(frozen=True)
@@ -300,21 +307,12 @@ class Schema:
             hint = hint if self._bounds_fit(other) else "; without names, bounds tell them apart"
             mine, theirs = self.feature_names, other.feature_names
             if mine == theirs:  # what they stand for differs, or the actions do
-                mine, theirs = self._described(), other._described()
+                mine, theirs = _described(self.features), _described(other.features)
                 alike = self.actions != other.actions
             raise InvalidArgumentError(
                 f"{what} must have the features and actions of {of}, {list(mine)} and "
                 f"{list(self.actions)}, got {list(theirs)} and {list(other.actions)}{hint * alike}"
             )
-
-    def _described(self) -> tuple[str, ...]:
-        """Return the names of the features: how they are derived, and of codes those of values."""
-        return tuple(
-            f"{feature.name} = {feature.formula}"
-            if feature.formula
-            else feature.name + f" ({', '.join(feature.categories)})" * bool(feature.categories)
-            for feature in self.features
-        )
 
     def with_names_of(self, other: "Schema") -> "Schema":
         """Return this schema with the names, units and kinds of another, if it has none itself."""

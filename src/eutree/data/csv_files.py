@@ -32,8 +32,8 @@ from eutree.data.log_format import (
     KNOWN,
     LEAVE_OUT,
     MASKED,
-    Choice,
     LogFormat,
+    NominalColumn,
     action_of,
     are_quantities,
     column_of,
@@ -165,7 +165,7 @@ class _Table:
         self._held: dict[str, dict[str, str]] = {}  # the last text of each column of its rows
         self._times: dict[str, float] = {}  # of its last row
         self._order: slice | list[int] = slice(None)  # of the features, as a schema has them
-        self._chosen: dict[str, Choice] = {}  # what is made of each nominal column
+        self._chosen: dict[str, NominalColumn] = {}  # what is made of each nominal column
         self._size = self.filled = self.left_out = 0
         self.line = 1
 
@@ -350,7 +350,7 @@ class _Table:
         texts = self._texts(schema)
         with blamed(path):
             for column, known in self._categories.items():
-                self._chosen[column] = Choice.of(column, tuple(known), schema)
+                self._chosen[column] = NominalColumn.of(column, tuple(known), schema)
         if schema is None:
             with blamed(path, "action"):
                 actions = self._made_actions(texts)

@@ -250,7 +250,7 @@ def _has_form(text: str, form: str) -> bool:
 
 
 @dataclass(frozen=True)
-class Choice:
+class NominalColumn:
     """What is made of a nominal column: a feature for each category, or one code.
 
     Attributes:
@@ -262,7 +262,7 @@ class Choice:
     values: Floats  # [texts, k]
 
     @classmethod
-    def of(cls, column: str, texts: Sequence[str], schema: Schema | None) -> "Choice":
+    def of(cls, column: str, texts: Sequence[str], schema: Schema | None) -> "NominalColumn":
         """Return what a schema has of a column, or else what its texts make: of two a code.
 
         Raises:
