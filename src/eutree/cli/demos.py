@@ -244,7 +244,7 @@ def stats(folder: Path, html: Path | None) -> Result:
 )  # fmt: skip
 @click.argument("source", type=click.Path())
 @option.output("--out", text="A new folder.", required=True)
-@click.option("--env", "environment", help="The environment, if the source names none or no names.")
+@click.option("--env", "environment", help="The environment, if SOURCE has none or no names.")
 @click.option("--episode-column", help="Column of a .csv that says which episode; else 'episode'.")
 @click.option("--action-column", help="Column with the actions, names or numbers; else 'action'.")
 @click.option("--reward-column", help="Column with the rewards (more is better); else 'reward'.")
