@@ -299,10 +299,10 @@ end, in more steps, are in the rows from elsewhere.
 
 Each size is a run of its own. What runs of one seed have in common, up to where their sizes begin
 to matter, is learned once, to the same bytes, and each row counts its CPU seconds; rows of a8d019e5
-are of vectors of [512 bits](../decisions/distilled-dqn.md), with the same results. The front of a
-single run has every size too, but pays for it: it plays each of its trees from 60 starts or more,
-by default two steps for each step of the run, and within 100,000 steps of MountainCar there are
-enough for two trees.
+and 2c011bdf are of vectors of [512 bits](../decisions/distilled-dqn.md), with the same results. The
+front of a single run has every size too, but pays for it: it plays each of its trees from 60 starts
+or more, by default two steps for each step of the run, and within 100,000 steps of MountainCar
+there are enough for two trees.
 
 `Cologne1-v0` is [the light](real-tasks.md), in half hours with demand drawn for each; it does not
 always repeat an episode, so its runs can be had again only on the mean. Runs of whole hours and
