@@ -174,3 +174,11 @@ def test_what_is_named_otherwise_is_no_past(more):
     known = PAIR.derive(["lead = a - b"])
     schema = Schema((*known.features, *map(Feature, more)), known.actions)
     assert list(formulas_of(schema)) == [2]
+
+
+@pytest.mark.parametrize(("low", "high"), [(-1.0, 1.0), (0.0, 2.0), (0.0, 0.0)])
+@pytest.mark.parametrize("formula", ["-1 / a", "a / a", "-1e308 * 100 * a", "min(-1 / a, b)"])
+def test_a_leaf_is_reached_though_what_it_does_not_ask_for_is_infinite(formula, low, high):
+    features = (Feature("a", low=low, high=high), Feature("b", low=0.0, high=1.0))
+    schema = Schema(features, ("stop", "go")).derive([f"far = {formula}"])
+    assert not verify(asking(schema, "b", 0.5), "never go").holds

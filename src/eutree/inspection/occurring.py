@@ -73,9 +73,11 @@ class Occurring:
             latest = latest[:, self._reached(latest, box, asked)[0]]
             rows = self._points(latest)
             is_right = np.isnan(rows) & self._is_right(box)
-            inside = (is_right | (rows > box.low) & (rows <= box.high)).all(axis=1)
-            if inside.any():
-                return Occurrence(rows[inside.argmax()], True)
+            fits = is_right | (rows > box.low) & (rows <= box.high)
+            if fits.all(axis=1).any():
+                return Occurrence(rows[fits.all(axis=1).argmax()], True)
+            if fits[:, sorted(bounded)].all(axis=1).any():  # but others are NaN, or -inf
+                asked = self._formulas
             parts = np.concatenate([parts, self._halves(latest, box, asked)], axis=1)
         return None
 
