@@ -117,7 +117,7 @@ class Derivation:
 
     def _with(self, known: Floats, last: Callable[[list[Floats], int], Floats]) -> Floats:
         """Return features with those not derived yet; ``last`` gives a column one step before."""
-        columns = list(np.moveaxis(known, -1, 0))
+        columns = [known[..., j] for j in range(known.shape[-1])]
         for formula in self.formulas[len(columns) - self.n_measured :]:
             value = formula.compute(columns, partial(last, columns))
             columns.append(np.broadcast_to(value, known.shape[:-1]))

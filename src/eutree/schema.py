@@ -408,11 +408,7 @@ class Schema:
         """Return whether codes have the same names, where both have any, and formulas are alike."""
         pairs = zip(self.features, other.features, strict=False)
         formulas = [
-            [
-                parse(one.formula, of.feature_names[:j])
-                for j, one in enumerate(of.features)
-                if one.formula
-            ]
+            [parse(f.formula, of.feature_names[:j]) for j, f in enumerate(of.features) if f.formula]
             for of in (self, other)
         ]
         is_alike = not all(formulas) or formulas[0] == formulas[1]

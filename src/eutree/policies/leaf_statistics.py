@@ -80,11 +80,13 @@ def returns_by_action(
     Of each transition are given the leaf that it left, its action, and the sum of the rewards from
     it to the end of its episode.
     """
-    visits, sums = np.zeros((n_leaves, n_actions), np.int64), np.zeros((n_leaves, n_actions))
-    np.add.at(visits, (leaves, actions), 1)
-    np.add.at(sums, (leaves, actions), returns)
-    values = sums / np.maximum(visits, 1)
-    return leaf_statistics(leaves, actions, returns, visits=visits, values=values)
+    shape, size = (n_leaves, n_actions), n_leaves * n_actions
+    cells = leaves.astype(np.int64) * n_actions + actions  # [N]
+    visits = np.bincount(cells, minlength=size)
+    values = np.bincount(cells, returns, minlength=size) / np.maximum(visits, 1)
+    return leaf_statistics(
+        leaves, actions, returns, visits=visits.reshape(shape), values=values.reshape(shape)
+    )
 
 
 def orders_of(
