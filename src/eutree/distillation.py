@@ -15,13 +15,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from eutree.arrays import Floats, Integers
+from eutree.arrays import Booleans, Floats, Integers
 from eutree.c45 import grow
 from eutree.compression.smaller_trees import Costs, Prunings, merged
 from eutree.contests import best
 from eutree.data import Demonstrations, Episode
 from eutree.data.demonstrations import check_shown, lesson_masks, lessons, taught_in, weights_in
-from eutree.data.episode import CUT, allowed_in
+from eutree.data.episode import CUT, stacked_masks
 from eutree.errors import needed
 from eutree.evaluation import Evaluation, Interval, evaluate
 from eutree.interaction import GuardedEnv, episode_seed, run_episode
@@ -93,10 +93,11 @@ class DistillationSettings:
 
 # Bastani et al. (2018): a wrong decision costs V(o) - Q(o, a) under the teacher's values, at most
 # V(o) - min_a Q(o, a). Observations at which every action is as good as another do not matter.
+# Nothing is at stake with an action that is not allowed there.
 
 
 ActionValues = Callable[[Floats], ArrayLike]  # observations [N, d] -> Q [N, A]
-Stakes = Callable[[Floats], Floats]  # observations [N, d] -> [N]
+Stakes = Callable[..., Floats]  # observations [N, d], and what is allowed there, [N, A] -> [N]
 
 
 def stakes_of(teacher: Any, action_values: ActionValues | None, n_actions: int) -> Stakes | None:
@@ -110,8 +111,18 @@ def stakes_of(teacher: Any, action_values: ActionValues | None, n_actions: int) 
         tree = teacher if isinstance(teacher, TreePolicy) and not teacher.history else None
         if tree is None or tree.leaves is None or not tree.leaves.compares_actions:
             return None
-        return lambda observations: Costs.of(tree, observations, "q-gap").of_action.max(axis=1)
-    return lambda observations: np.ptp(values(observations), axis=1)
+        return lambda rows, allowed=None: _at_stake(
+            -Costs.of(tree, rows, "q-gap").of_action, allowed
+        )
+    return lambda rows, allowed=None: _at_stake(values(rows, allowed), allowed)
+
+
+def _at_stake(values: Floats, allowed: Booleans | None) -> Floats:
+    """Return the highest less the lowest value, [N], of actions that are allowed, both [N, A]."""
+    where = True if allowed is None else allowed
+    highest: Floats = values.max(axis=1, where=where, initial=-np.inf)
+    lowest: Floats = values.min(axis=1, where=where, initial=np.inf)
+    return highest - lowest
 
 
 def weights(stakes: Floats) -> Floats:
@@ -294,7 +305,10 @@ def distill(
             right.append(actions_on(policy, episode, guarded))
             masks.append(episode.allowed)
         observations = np.concatenate(seen)
-        weight = np.ones(len(observations)) if stakes is None else weights(stakes(observations))
+        allowed = stacked_masks(zip(masks, map(len, seen), strict=True))
+        weight = weights(
+            np.ones(len(observations)) if stakes is None else stakes(observations, allowed)
+        )
         weight[: worth.size] *= worth  # of what a tree did before a person took over: nothing
         data = Labelled(observations, np.concatenate(right), weight)
         tree = fit(settings.learner, data, guarded.schema, guarded.spec, settings.max_leaves)
@@ -303,15 +317,14 @@ def distill(
         where, n = (env, None) if spec is None else (spec, n_jobs)
         n_episodes = settings.validation_episodes
         results.append(evaluate(tree, where, episodes=n_episodes, seed=validation, n_jobs=n))
-        decided = np.concatenate([tree.decide(*part) for part in zip(seen, masks, strict=True)])
-        same = float((decided == data.actions).mean())
+        same = float((tree.decide(observations, allowed) == data.actions).mean())
         rounds.append(Round(data.actions.size, tree.n_leaves, same, results[-1].mean_return))
         if on_round is not None:
             on_round(number, rounds[-1])
     validated = np.stack([result.returns for result in results])
     chosen = best(validated, [made.n_leaves for made in rounds])
     validation_steps = sum(result.steps for result in results)
-    policy = replace(trees[chosen], masked=allowed_in(shown) is not None)
+    policy = replace(trees[chosen], masked=allowed is not None)
     return policy, DistillationReport(
         method=settings.method,
         learner=settings.learner,

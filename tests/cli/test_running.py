@@ -5,10 +5,12 @@ import os
 import shlex
 from pathlib import Path
 
+import click
 import gymnasium
 import pytest
 
-from eutree.cli.learn import _saying_how_to_go_on
+from eutree.cli._given import _given, _line
+from eutree.cli.learn import _saying_how_to_go_on, learn
 from eutree.training.listeners import StopRequest
 from tests.interaction.sick import Healthy, WordlessError
 
@@ -311,3 +313,31 @@ def test_the_users_own_choices_are_in_the_line(eutree, interrupted, tmp_path):
     said = interrupted(*LEARN, "--import", "my_module", "--out", "run")
     assert said.endswith("go on with: eutree learn --import my_module --out run --resume")
     assert "my_module" not in (tmp_path / "run/command.json").read_text()
+
+
+def test_options_of_two_values_and_of_none_are_given_again(eutree, interrupted, tmp_path):
+    """A run with --return-range could not go on, and --prefer-proven alone was forgotten."""
+    more = ("--return-range", -200, 0, "--keep-success")
+    interrupted(*LEARN, *more, "--out", "run")
+    kept = json.loads((tmp_path / "run/command.json").read_text())["arguments"]
+    assert kept["return_range"] == ["-200", "0"]
+    line = ["MountainCar-v0", "--prefer-proven", "--out", "run"]
+    given = _given(learn, click.Context(learn), line)
+    assert given["prefer_proven"] == [""]
+    assert _given(learn, click.Context(learn), _line(learn, given)) == given
+    assert eutree("learn", "--out", "run", "--resume").code == 0
+    assert eutree(*LEARN, *more, "--out", "whole").code == 0
+    for name in ("policy.json", "config.json"):
+        assert (tmp_path / "run" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [("price = nan", "price must be a number"), ("methd = 1", "'methd'")],
+)
+def test_a_wrong_setting_is_said_to_be_of_its_file(eutree, tmp_path, line, said):
+    (tmp_path / "own.toml").write_text(f'method = "planning"\n{line}\n')
+    answer = eutree("learn", "CartPole-v1", "--settings", "own.toml", "--list-settings")
+    assert answer.code == 2
+    assert "own.toml" in answer.err
+    assert said in answer.err

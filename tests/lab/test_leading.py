@@ -218,6 +218,29 @@ def test_who_has_done_all_of_a_part_before_a_recorder_dies_goes_on(tmp_path, par
         person.until("showing" if part == "practice" else "watching")
 
 
+@pytest.mark.parametrize("corrected", [0, 1])
+def test_practice_after_a_recorder_died_makes_no_tree_twice(tmp_path, corrected) -> None:
+    """It stored the tree that it made again as one that had been taken over."""
+    plan = SHORT.replace("taken_over = 1", f"taken_over = {corrected}")
+    study = study_of(tmp_path / "study", plan)
+    with taking_part(study) as parts:
+        person = Participant(*parts).say("agree").say("begin").drive().say("begin").drive()
+        person.until("watching").drive()
+        if corrected:
+            person.say("begin").drive()
+        person.until("questions")
+        while len(parts[1].results) < 1 + corrected:
+            person.person.wait(0.1)
+        guide, folder = parts[2], parts[0].folder.path.parent
+        del parts[1].results[1 + corrected :]  # it died before the practice was over
+        guide._store()
+        parts[0].close()
+    with taking_part(study, person=folder.name) as parts:
+        Participant(*parts).until("questions").say("send").until("thanks")
+        known = [result.tree for result in parts[1].results]
+    assert known == ["fitted", *["taken-over"] * corrected, "practised"]
+
+
 def test_who_had_put_right_less_than_all_puts_right_the_rest(tmp_path, monkeypatch) -> None:
     """The rest was left out without a word."""
     module, made_of = import_module("eutree.fitting.fit"), []

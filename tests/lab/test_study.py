@@ -126,6 +126,17 @@ def test_who_lies_there_twice_is_not_counted_twice(tmp_path) -> None:
         study_table(study, episodes=1)
 
 
+def test_counts_are_said_in_full_and_one_person_has_no_interval() -> None:
+    row = dict.fromkeys(["own", "fitted", "taken-over", "practised"])
+    row |= {"steps shown": 1534.0, "watched": 13100.0, "minutes": 13.24}
+    said = str(StudyTable((row,), {}))
+    assert "e+" not in said
+    assert said.splitlines()[1].split()[-3:] == ["1534", "13100", "13.2"]
+    assert "steps shown: 1534, 1" in said.splitlines()
+    two = str(StudyTable((row, row | {"steps shown": 2534.0}), {}))
+    assert "steps shown: 2034 (" in two
+
+
 def test_what_people_write_is_no_formula_and_stays_in_its_row() -> None:
     said = [
         "=1+1",

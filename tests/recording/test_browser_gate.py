@@ -226,6 +226,24 @@ class Page:
         return self.view
 
 
+def test_a_page_that_watched_takes_over_whatever_keys_it_sent_before(tmp_path) -> None:
+    """They were not counted, so that its first key afterwards was one too many."""
+    with serving(tmp_path, Corridor(length=100, limit=10_000)) as server:
+        acting, watching = Page(server), Page(server, "page-two")
+        watching.key("left", True)
+        watching.key("left", False)
+        watching.send(type="take")
+        watching.until(lambda view: view["role"] == "acting")
+        watching.key("right", True)
+        acting.key("left", True)
+        acting.send(type="take")
+        acting.until(lambda view: view["role"] == "acting")
+        acting.key("left", False)
+        acting.send(type="do", name="start")
+        acting.until(lambda view: view["state"] == "playing" and view["step"] >= 2)
+        assert server.heard == [("right", True), ("left", False)]
+
+
 BAD_MESSAGES = {
     "no JSON": ("nonsense", 1008),
     "no object": ("[]", 1008),

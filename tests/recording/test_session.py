@@ -354,6 +354,14 @@ def test_a_person_who_stops_does_not_truncate() -> None:
     assert episode.kept
 
 
+def test_who_ends_an_episode_that_has_just_ended_begins_no_other() -> None:
+    """The key was taken for one more episode, in which nobody acted, and which was kept."""
+    person = Person(Corridor(limit=4))
+    person.tap("enter").until("playing").press("left").until("review").tap("e").wait(0.3)
+    assert person.view.state == "review"
+    assert person.wait(1.0).tap("e").view.state != "review"
+
+
 def test_a_time_limit_truncates() -> None:
     person = Person(Corridor(limit=4)).walk("left")
     episode = person.session.episodes[0]

@@ -135,6 +135,9 @@ def _given(command: click.Command, context: click.Context, args: list[str]) -> A
     except click.UsageError:
         return {}  # click itself says so
     named = {str(parameter.name): values[str(parameter.name)] for parameter in order}
+    for option in order:
+        if not isinstance(named[str(option.name)], str | list | tuple | bool):
+            named[str(option.name)] = getattr(option, "flag_value", None)  # it stands there alone
     return {
         name: [str(text) for text in (value if isinstance(value, list | tuple) else [value])]
         for name, value in named.items()
@@ -182,10 +185,11 @@ def _line(command: click.Command, arguments: Arguments) -> list[str]:
         parameter = known.get(name)
         if parameter is None:
             raise InvalidArgumentError(f"{KEPT} must hold arguments of the command, got {name!r}")
-        for text in texts:
-            flag = [parameter.opts[-1]] if isinstance(parameter, click.Option) else []
-            is_flag = isinstance(parameter, click.Option) and parameter.is_flag
-            words += flag if is_flag else [*flag, text]
+        flag = [parameter.opts[-1]] if isinstance(parameter, click.Option) else []
+        is_flag = isinstance(parameter, click.Option) and parameter.is_flag
+        size = parameter.nargs if flag else 1
+        for place in range(0, len(texts), size):
+            words += flag if is_flag else [*flag, *texts[place : place + size]]
     return words
 
 
@@ -282,7 +286,9 @@ def chosen_method(
     if discount is not None and "discount" in given:
         raise InvalidArgumentError("--discount and --set discount say the same; leave out one")
     given |= {} if discount is None else {"discount": discount}
-    return with_choices(with_choices(method, document), given)
+    with blamed(settings or ""):
+        method = with_choices(method, document)
+    return with_choices(method, given)
 
 
 def listed(method: "Method | str | None", *, offline: bool) -> tuple[dict[str, Any], str]:

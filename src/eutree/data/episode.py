@@ -49,7 +49,12 @@ def allowed_in(episodes: "Iterable[Episode]") -> Booleans | None:
 
     None where nothing was masked.
     """
-    masks = [(episode.allowed, len(episode)) for episode in episodes]
+    return stacked_masks((episode.allowed, len(episode)) for episode in episodes)
+
+
+def stacked_masks(parts: "Iterable[tuple[Booleans | None, int]]") -> Booleans | None:
+    """Return the masks of parts of so many steps, one after the other; None where none has one."""
+    masks = list(parts)
     known = next((rows for rows, _ in masks if rows is not None), None)
     if known is None:
         return None

@@ -119,10 +119,11 @@ def values_of(
     given: Callable[[Floats], Any] | None = None,
     *,
     finite: bool = True,
-) -> Callable[[Floats], Floats] | None:
+) -> Callable[..., Floats] | None:
     """Return a policy's method ``action_values``, or the one ``given``, with its answers checked.
 
-    It is from features [N, d] to the value of each action [N, A]; None where there is none.
+    It is from features [N, d] to the value of each action [N, A]; None where there is none. Only
+    values of what is ``allowed`` there, [N, A], if that is given too, must be finite.
     """
     name = "action_values" if given is not None else f"action_values of {type(policy).__name__}"
     values = getattr(policy, "action_values", None) if given is None else given
@@ -130,12 +131,14 @@ def values_of(
         return None
     check_function(f"{name}, from observations [N, d] to values [N, A],", values)
 
-    def checked(observations: Floats) -> Floats:
+    def checked(observations: Floats, allowed: Booleans | None = None) -> Floats:
         shape, cause = (len(observations), n_actions), None
         try:
             table: Floats = np.asarray(values(observations), dtype=np.float64)
-            if table.shape == shape and (not finite or np.isfinite(table).all()):
-                return table
+            if table.shape == shape:
+                known = table if allowed is None else table[allowed]
+                if not finite or np.isfinite(known).all():
+                    return table
             got = "one that is not finite" if table.shape == shape else f"shape {table.shape}"
         except Exception as error:  # of another author's function
             got, cause = described(error), error

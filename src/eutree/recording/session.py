@@ -271,7 +271,7 @@ class Session:
     def _obey_end(self, now: float) -> None:
         if self.play.is_on or self.state == PAUSED:
             self._stop(now, kept=True)
-        elif self.state == REVIEW or (self.state == OPENING and self.recording.is_enough):
+        elif self.play.was_reviewed(now) or (self.state == OPENING and self.recording.is_enough):
             self._begin(now)  # also when the target is reached: one more
 
     def _obey_redo(self, now: float) -> None:

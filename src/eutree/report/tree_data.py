@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from eutree.arrays import Floats, plain
+from eutree.arrays import Booleans, Floats, plain
 from eutree.data import Demonstrations, Episode
 from eutree.display import decimals_of, told_apart, usual_width
 from eutree.errors import InvalidArgumentError
@@ -71,6 +71,7 @@ def tree_data(
         "fills": fills(schema),
         "levels": _levels(schema),
         "leafActions": policy.actions.tolist(),
+        "orders": policy.orders.tolist(),
         "leaves": statistics,
         "changes": {str(leaf): change.facts() for leaf, change in (changes or {}).items()},
         "document": _document(policy),
@@ -162,6 +163,7 @@ def _episode(
     """Return an episode: always the leaf of each step; the values sensed, if ``whole``."""
     features = policy_features(policy, episode)
     leaves = policy.tree.leaf_index(features)
+    decided = policy.decide(features[:-1], episode.allowed)
     entry = {
         "actions": episode.actions.tolist(),
         "rewards": [float(f"{r:.6g}") for r in episode.rewards.tolist() * episode.has_rewards],
@@ -169,13 +171,32 @@ def _episode(
     }
     if whole:
         entry |= {
-            "observations": _rounded(features, digits),
+            "observations": _on_their_side(policy, features, digits),
             "ending": episode.ending,
             "success": episode.is_success,
-            "own": bool(np.array_equal(policy.actions[leaves[:-1]], episode.actions)),
+            "own": bool(np.array_equal(decided, episode.actions)),
+            "allowed": None if episode.allowed is None else _masks(episode.allowed),
             "frames": None,
         }
     return entry
+
+
+def _masks(allowed: Booleans) -> list[str]:
+    """Return a text of 0 and 1 for the mask of each step, [T, A]."""
+    return ["".join(map(str, row)) for row in allowed.astype(int).tolist()]
+
+
+def _on_their_side(policy: TreePolicy, features: Floats, digits: int) -> list[list[float | None]]:
+    """Return numbers with some digits, or with all where a test would go the other way."""
+    shown, tree = _rounded(features, digits), policy.tree
+    values = np.array(shown, dtype=np.float64).reshape(features.shape)  # NaN for None
+    for node in np.flatnonzero(tree.feature != tree.NO_FEATURE).tolist():
+        column, threshold = int(tree.feature[node]), tree.threshold[node]
+        exact = features[:, column]
+        went = np.isfinite(exact) & ((exact <= threshold) != (values[:, column] <= threshold))
+        for row in np.flatnonzero(went).tolist():
+            shown[row][column] = float(exact[row])
+    return shown
 
 
 def policy_features(policy: TreePolicy, episode: Episode) -> Floats:

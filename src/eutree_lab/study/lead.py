@@ -404,6 +404,8 @@ class StudyTree(PageTree):
 
     def practise(self, show: "Show", stop: Callable[[], bool]) -> None:
         """Let the tree learn by itself."""
+        if self.best is None:  # a recorder that died had made it, and told its result
+            super().make(_plainly(show, -1), stop)
         further = super().practise
         self._keep(archive.PRACTISED, lambda: further(_plainly(show, -1), stop))
 

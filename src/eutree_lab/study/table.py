@@ -3,10 +3,10 @@
 import csv
 import io
 import re
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 import numpy as np
 
@@ -79,7 +79,8 @@ class StudyTable:
         lines = ["  ".join(map(str.rjust, line, widths)) for line in (heads, *rows)]
         lines += ["", f"{len(rows)} people; mean, 95 % interval"]
         for name, (mean, low, high, n) in self.means().items():
-            lines.append(f"{name}: {mean:.3g} ({low:.3g} to {high:.3g}), {n}")
+            interval = f" ({_said(low)} to {_said(high)})" if n > 1 else ""
+            lines.append(f"{name}: {_said(mean)}{interval}, {n}")
         return "\n".join([*lines, "", *(f"{k}: {text}" for k, text in self.questions.items())])
 
 
@@ -142,16 +143,13 @@ def _reached(person: PersonDocument, folder: Path, episodes: int, seed: int) -> 
     spec = environment_from_document(person.environment, folder)
     if spec is None:
         raise InvalidArgumentError(f"the environment of {person.person} is not known")
-    env: Any = make(spec)
     found: dict[str, Cell] = dict.fromkeys(TREES)
-    try:
+    with closing(make(spec)) as env:
         for name in TREES:
             path = folder / f"{name}.json"
             if path.exists():
                 tree = TreePolicy.load(path)
                 found[name] = float(value(evaluate(tree, env, episodes=episodes, seed=seed)))
-    finally:
-        env.close()
     return found
 
 
@@ -160,9 +158,9 @@ def _answer(place: int) -> str:
 
 
 def _said(cell: Cell) -> str:
-    if cell is None:
-        return "-"
-    return f"{cell:.3g}" if isinstance(cell, float) else " ".join(cell.split())
+    if not isinstance(cell, float):
+        return " ".join((cell or "-").split())
+    return f"{cell:.0f}" if abs(cell) >= 1000.0 else f"{cell:.3g}"
 
 
 def _quoted(cell: Cell) -> Cell:

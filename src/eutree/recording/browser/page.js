@@ -291,7 +291,7 @@ function pad(action, key, text) {
   button.addEventListener("pointerdown", (event) => {
     event.preventDefault();
     button.setPointerCapture(event.pointerId);
-    hold(button, `finger ${event.pointerId}`);
+    if (acts()) hold(button, `finger ${event.pointerId}`);
   });
   for (const name of ["pointerup", "pointercancel", "lostpointercapture"]) {
     button.addEventListener(name, (event) => { touched = performance.now(); release(`finger ${event.pointerId}`); });

@@ -272,7 +272,7 @@ class PageServer:
     def _set_driver(self, viewer: Viewer) -> None:
         if self._driver is not None:
             self._add(Away(TAKEN))
-        self._driver, self._sequence = viewer, 0
+        self._driver, self._sequence = viewer, viewer.sequence
         self._add(Present())
         for other in self._viewers:
             other.show({"role": self._role(other)})
@@ -289,6 +289,10 @@ class PageServer:
             viewer.drawn(message.frame)
         if isinstance(message, Take):
             self._set_driver(viewer)
+        if isinstance(message, Key):
+            if message.sequence != viewer.sequence + 1:
+                raise InvalidArgumentError("a key is missing")
+            viewer.sequence = message.sequence
         if viewer is not self._driver:
             return  # who watches changes nothing
         sent = 0 if self._picture is None else self._picture[0]
@@ -297,9 +301,7 @@ class PageServer:
         if isinstance(message, Seen):
             self._add(message)
         elif isinstance(message, Key):
-            if message.sequence != viewer.sequence + 1:
-                raise InvalidArgumentError("a key is missing")
-            viewer.sequence = self._sequence = message.sequence
+            self._sequence = message.sequence
             kind = KeyDown if message.down else KeyUp
             self._add(kind(message.key, message.frame))
         elif isinstance(message, Gone):

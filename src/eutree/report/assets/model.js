@@ -221,6 +221,15 @@ function recount() {
 }
 recount();
 
+/** Return a leaf's first action that a mask of 0 and 1, if there is one, allows. */
+const allowedIn = (leaf, first, mask) => !mask || mask[first] === "1" ? first : data.orders[leaf].find((action) => mask[action] === "1");
+
+/** Return what the policy decides at a step of an episode as it came, and as it is now. */
+function decisions(episode, step) {
+  const [before, after, mask] = [episode.recorded[step], episode.leaves[step], episode.allowed?.[step]];
+  return [allowedIn(before, original.leafActions[before], mask), allowedIn(after, data.leafActions[after], mask)];
+}
+
 const shareOf = (node) => visitsOf[node] / Math.max(1, visitsOf[0]);
 
 /** Return a node's share of the visits in words; nothing where no visit is known. */

@@ -38,10 +38,11 @@ function episodeTitle(episode, number) {
 
 /** Return what the policy decides at a step where that differs: in an episode of somebody else, or since it was edited. */
 function decided(episode, step) {
-  const now = data.leafActions[episode.leaves[step]];
-  const own = original.leafActions[episode.recorded[step]];
+  const [own, now] = decisions(episode, step);
+  if (now !== own) return `edited: ${actions[now]}, `;
+  const first = original.leafActions[episode.recorded[step]];
   const other = episode.actions[step] === own ? "" : `this tree: ${actions[own]}, `;
-  return now === own ? other : `edited: ${actions[now]}, `;
+  return other + (own === first ? "" : `as ${actions[first]} is not allowed, `);
 }
 
 /** Draw the present step: picture, words, values. */

@@ -138,9 +138,9 @@ function changedSteps() {
     for (let step = 0; step < episode.actions.length; step++) {
       total++;
       const [before, after] = [episode.recorded[step], episode.leaves[step]];
-      const [old, now] = [original.leafActions[before], data.leafActions[after]];
+      const [old, now] = decisions(episode, step);
       if (old === now) continue;
-      const key = `${before} ${after}`;
+      const key = `${before} ${after} ${old} ${now}`;
       if (!found.has(key)) found.set(key, { before, after, old, now, steps: [] });
       found.get(key).steps.push({ episode: number, step, action: now });
     }
