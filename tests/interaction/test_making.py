@@ -66,3 +66,8 @@ def test_what_an_environment_says_of_itself_may_be_chosen(registered):
 def test_no_file_opens_a_window():
     with pytest.raises(FormatError, match="must not choose a render_mode"):
         from_file({"render_mode": "human"})
+
+
+def test_an_environment_that_is_made_is_no_spec():
+    with pytest.raises(InvalidArgumentError, match="spec must be a EnvironmentSpec, got <"):
+        make(gymnasium.make("CartPole-v1"))

@@ -33,6 +33,7 @@ from eutree.interaction.names import Names, given_names, named
 from eutree.interaction.spaces import is_matrix
 from eutree.parallel import Workers
 from eutree.schema import EnvironmentSpec
+from eutree.validation import check_kind
 from eutree.zoo import PREFIX, module_of
 
 _FOLDERS: "WeakKeyDictionary[gymnasium.Env[Any, Any], str]" = WeakKeyDictionary()
@@ -104,7 +105,9 @@ def make(spec: EnvironmentSpec | str, *, render_mode: str | None = None) -> gymn
             before a colon cannot be imported.
         MissingExtraError: The environment needs a package that is not installed.
     """
-    spec = EnvironmentSpec(spec) if isinstance(spec, str) else spec
+    spec = check_kind(
+        "spec", EnvironmentSpec(spec) if isinstance(spec, str) else spec, EnvironmentSpec
+    )
     _check_known(spec.id)
     arguments = dict(spec.arguments)
     if render_mode is not None:
