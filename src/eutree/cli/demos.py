@@ -319,9 +319,9 @@ def import_(
     if names is not None:
         _as_named(loaded.schema, names)  # refuses names of which only some stand elsewhere
         loaded = replace(loaded, schema=names.of(loaded.schema, f"those in {source}"))
-        _check_kinds(loaded.schema, loaded.episodes)
-        if names.derived and not loaded.schema.derived:
-            loaded = derive(loaded, names.derived)
+    _check_kinds(loaded.schema, loaded.episodes)
+    if names is not None and names.derived and not loaded.schema.derived:
+        loaded = derive(loaded, names.derived)
     loaded.save(out)
     return _written(loaded, str(out), **rows)
 
@@ -480,11 +480,12 @@ def _table(rows: dict[int, Episode], title: str) -> Any:
 
 
 def _written(demonstrations: Demonstrations, path: str, **rows: int) -> Result:
-    dropped = sum(DROPPED in episode.extras for episode in demonstrations.episodes)
+    cut = [episode for episode in demonstrations.episodes if DROPPED in episode.extras]
+    dropped, earned = len(cut), any(episode.has_rewards for episode in cut)
     said = {
         **{f"; {counted(n, 'row')} with empty cells {fate}": n for fate, n in rows.items()},
         f"; the last action of {counted(dropped, 'episode')} is left out: nothing says what it led "
-        "to": dropped,
+        f"to{', so what it earned counts nowhere' if earned else ''}": dropped,
     }
     return Result(
         {

@@ -85,6 +85,8 @@ class Demonstrations(Displayed, Frozen):
                 sha.update(array.tobytes())
             if TAUGHT in episode.steps:
                 sha.update(episode.taught.tobytes())
+            if episode.allowed is not None:
+                sha.update(episode.allowed.tobytes())
             sha.update(bytes([episode.terminated, episode.truncated]))
         return sha.hexdigest()
 

@@ -234,10 +234,14 @@ class DemonstrationFolder:
         return dict(sorted(episodes.items()))
 
     def append(self, episode: Episode) -> int:
-        """Write one more episode and return its number."""
-        number = self.next_number()
-        self.write(number, episode)
-        return number
+        """Write one more episode and return its number, which no other process has taken."""
+        running = self.start_episode(np.zeros(self.schema.n_features))
+        try:
+            running.finish(episode)
+        except BaseException:
+            running.discard()
+            raise
+        return running.number
 
     def rename(self, schema: Schema) -> None:
         """Give features and actions other names and units; the recorded numbers stay."""
@@ -258,9 +262,18 @@ class DemonstrationFolder:
         extras: dict[str, Any] | None = None,
     ) -> "RunningEpisode":
         """Open the journal of a new episode; ``finish`` it when it is over."""
-        number = self.next_number()
-        journal = EpisodeJournal(self._journal_path(number), observation, seed=seed, extras=extras)
-        return RunningEpisode(self, number, journal)
+        while True:
+            number = self.next_number()
+            path = self._journal_path(number)
+            try:
+                journal = EpisodeJournal(path, observation, seed=seed, extras=extras)
+            except FileError as error:
+                if isinstance(error.__cause__, FileExistsError):
+                    continue  # another process was first
+                raise
+            if not self.episode_path(number).exists():
+                return RunningEpisode(self, number, journal)
+            journal.discard()  # it has finished meanwhile
 
     def recover(self) -> list[int]:
         """Turn the journals of dead recorders into episodes; return their numbers.

@@ -226,7 +226,7 @@ class Evaluation(Earned, Displayed):
     def __str__(self) -> str:
         """Return the evaluation in one line, 95 % intervals in brackets; one episode has none."""
         success, earned = "", f"{self.mean_return:{fixed(2, [self.mean_return])}}"
-        if self.episodes > 1:
+        if self.episodes > 1 and np.isfinite(self.mean_return):
             earned = self.return_interval.around(self.mean_return, 2)
         if self.success_rate is not None and self.success_interval is not None:
             success = f"success {self.success_rate:.1%} {self.success_interval:.1%}, "

@@ -1,7 +1,7 @@
 """Would more demonstrations help? The learning curve of the expert tree, and where it leads.
 
 For each size k the expert tree is fitted to k of the n episodes and asked about all others: the
-accuracy of an episode is the share of its steps at which the tree chose the demonstrator's action.
+accuracy of an episode is the share of its steps at which the tree chose what is to be imitated.
 The subsets are runs of k neighbours around random circles of the episodes, so at each size all
 episodes are held out about equally often. Episodes, not steps, are the units of the interval.
 
@@ -19,6 +19,7 @@ import numpy as np
 from eutree.arrays import Floats
 from eutree.c45 import C45Settings
 from eutree.data import Demonstrations
+from eutree.data.demonstrations import lessons
 from eutree.data.episode import CUT
 from eutree.evaluation.evaluation import Interval, mean_interval
 from eutree.learners import fit_expert_tree
@@ -116,6 +117,7 @@ def expert_curve(demonstrations: Demonstrations) -> ExpertCurve | None:
     generator = np.random.default_rng(np.random.SeedSequence((0, n)))
     sizes = np.unique(np.geomspace(1, n - 1, _SIZES).round().astype(int))
     accuracies = np.array([_accuracies(demonstrations, episodes, int(k), generator) for k in sizes])
+    _, actions = lessons(demonstrations)
     drawn = generator.integers(n, size=(_BOOTSTRAPS, n))
     laws = [fit_power_law(sizes, 1.0 - _mean(accuracies[:, rows])) for rows in drawn]
     gains = [law.error(n) - law.error(n + MORE) for law in laws]
@@ -124,9 +126,7 @@ def expert_curve(demonstrations: Demonstrations) -> ExpertCurve | None:
         points=tuple(_point(int(k), row) for k, row in zip(sizes, accuracies, strict=True)),
         law=law,
         n_episodes=n,
-        most_frequent=float(
-            np.bincount(demonstrations.actions).max() / len(demonstrations.actions)
-        ),
+        most_frequent=float(np.bincount(actions).max() / len(actions)),
         more=MORE,
         gain=law.error(n) - law.error(n + MORE),
         gain_interval=Interval(*np.quantile(gains, [0.025, 0.975]).tolist()),
@@ -164,8 +164,9 @@ def _accuracies(
         tree = fit_expert_tree(part, settings=C45Settings())
         for i in sorted(set(range(n)) - set(subset)):
             episode = demonstrations.episodes[episodes[i]]
-            leaves = tree.tree.leaf_index(episode.observations[:-1])
-            total[i] += float((tree.actions[leaves] == episode.actions).mean())
+            decided = tree.decide(episode.observations[:-1], episode.allowed)
+            worth = episode.weights * (episode.taught != CUT)
+            total[i] += float(np.average(decided == episode.taught, weights=worth))
             count[i] += 1
     accuracy = np.full(n, np.nan)
     accuracy[count > 0] = total[count > 0] / count[count > 0]

@@ -62,8 +62,8 @@ class OffPolicyComparison:
     n_held_out: int  # held-out episodes
     condition: str = ""  # assumption of the bound, as the end of a sentence; "" where there is none
     tried: int = 0  # steps of the log at which the trees differ and the learned one was followed
-    # Steps of that kind that a claim needs: where the range of returns is not known, losses rarer
-    # than once in a third of them may not have been seen
+    # Steps of that kind that a claim needs: where no known range of returns bounds what is lost, as
+    # it never does of single deviations, losses rarer than once in a third of them may be unseen
     needed: int = 0
 
     @property
@@ -106,6 +106,7 @@ class OffPolicyComparison:
             found += (
                 f"; in the log it was followed at {counted(self.tried, 'step')} at which they "
                 f"differ, and {self.needed} are needed where the range of returns is not known"
+                f"{'' if whole else ' or bounds nothing, as here'}"
             )
         return f"not believed to beat fit ({found}); this is the tree of fit"
 
@@ -152,7 +153,7 @@ class Judge:
             n_held_out=len(self.held_out),
             condition=self._condition(found),
             tried=found.tried,
-            needed=BLIND if self.return_range is None else 0,
+            needed=0 if found.whole and self.return_range is not None else BLIND,
         )
 
     def chosen(self, learned: TreePolicy) -> tuple[TreePolicy, OffPolicyComparison]:

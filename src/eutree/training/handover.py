@@ -248,7 +248,7 @@ class Handover:
             where episodes run side by side; 0 lets the learned tree itself meet the start.
         return_range: Lowest and highest return that an episode can have, where the environment does
             not say so itself (``eutree.interaction.first_look``); all that is said of the learned
-            tree then holds without a condition, also offline.
+            tree then holds without a condition, also offline where whole episodes speak.
         prefer_proven: A property, or ``""`` for that of the environment's plant: of the front the
             best that is proven to have it is picked, if any is, and between the pick and the start
             the only one that is proven is handed over; of several runs the best is chosen among
