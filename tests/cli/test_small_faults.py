@@ -211,3 +211,29 @@ def test_of_several_files_all_are_written_or_none(eutree, expert, tmp_path):
 def test_an_argument_of_a_plant_that_is_no_number(eutree, tmp_path):
     line = ("prove", "zoo:MountainCar-v0", "--env-arg", "goal_velocity=abc")
     assert "goal_velocity must be a number" in eutree(*line).err
+
+
+def test_what_a_last_action_earned_is_said_to_count_nowhere(eutree, tmp_path):
+    """A crash that ends an episode of a log without a row behind it was not heard of again."""
+    said = "is left out: nothing says what it led to"
+    rows = ["episode,action,reward,terminated,x", "1,0,1,false,2", "1,1,-100,true,3"]
+    (tmp_path / "log.csv").write_text("\n".join(rows) + "\n")
+    answer = eutree("demos", "import", "log.csv", "--out", "with")
+    assert f"{said}, so what it earned counts nowhere" in answer.out + answer.err
+    (tmp_path / "log.csv").write_text("episode,action,x\n1,0,2\n1,1,3\n")
+    answer = eutree("demos", "import", "log.csv", "--out", "without")
+    assert said in answer.out + answer.err
+    assert "counts nowhere" not in answer.out + answer.err
+
+
+def test_values_that_the_environment_cannot_have_are_refused_on_import(eutree, tmp_path):
+    """They were taken, other than with --names."""
+    for number, square in enumerate(("999", "3.7")):
+        rows = ["episode,action,reward,terminated,square", f"a,0,-1,false,{square}", "a,,,,47"]
+        (tmp_path / "log.csv").write_text("\n".join(rows) + "\n")
+        answer = eutree(
+            "demos", "import", "log.csv", "--env", "CliffWalking-v1", "--out", f"d{number}"
+        )
+        assert answer.code == 2
+        assert "is declared to be a whole number from 0 to 47, and" in answer.err
+        assert not (tmp_path / f"d{number}").exists()

@@ -464,8 +464,7 @@ def _table(rows: dict[int, Episode], title: str) -> Any:
 
     table = Table(title=escape(title))
     for name in ("episode", "", "ending", "steps", "return", "seed", "comment"):
-        numbers = name in ("episode", "steps", "return")
-        table.add_column(name, justify="right" if numbers else "left")
+        table.add_column(name, justify="right" if name in {"episode", "steps", "return"} else "left")
     for number, episode in rows.items():
         table.add_row(
             str(number),
@@ -481,17 +480,17 @@ def _table(rows: dict[int, Episode], title: str) -> Any:
 
 def _written(demonstrations: Demonstrations, path: str, **rows: int) -> Result:
     cut = [episode for episode in demonstrations.episodes if DROPPED in episode.extras]
-    dropped, earned = len(cut), any(episode.has_rewards for episode in cut)
+    lost = ", so what it earned counts nowhere" if any(one.has_rewards for one in cut) else ""
     said = {
         **{f"; {counted(n, 'row')} with empty cells {fate}": n for fate, n in rows.items()},
-        f"; the last action of {counted(dropped, 'episode')} is left out: nothing says what it led "
-        f"to{', so what it earned counts nowhere' if earned else ''}": dropped,
+        f"; the last action of {counted(len(cut), 'episode')} is left out: nothing says what it "
+        f"led to{lost}": len(cut),
     }
     return Result(
         {
             "episodes": len(demonstrations),
             "n_transitions": demonstrations.n_transitions,
-            "dropped_actions": dropped,
+            "dropped_actions": len(cut),
             **{f"{fate.replace(' ', '_')}_rows": n for fate, n in rows.items()},
             "path": path,
         },
