@@ -464,7 +464,8 @@ def _table(rows: dict[int, Episode], title: str) -> Any:
 
     table = Table(title=escape(title))
     for name in ("episode", "", "ending", "steps", "return", "seed", "comment"):
-        table.add_column(name, justify="right" if name in {"episode", "steps", "return"} else "left")
+        numbers = name in ("episode", "steps", "return")
+        table.add_column(name, justify="right" if numbers else "left")
     for number, episode in rows.items():
         table.add_row(
             str(number),
@@ -481,11 +482,9 @@ def _table(rows: dict[int, Episode], title: str) -> Any:
 def _written(demonstrations: Demonstrations, path: str, **rows: int) -> Result:
     cut = [episode for episode in demonstrations.episodes if DROPPED in episode.extras]
     lost = ", so what it earned counts nowhere" if any(one.has_rewards for one in cut) else ""
-    said = {
-        **{f"; {counted(n, 'row')} with empty cells {fate}": n for fate, n in rows.items()},
-        f"; the last action of {counted(len(cut), 'episode')} is left out: nothing says what it "
-        f"led to{lost}": len(cut),
-    }
+    said = {f"; {counted(n, 'row')} with empty cells {fate}": n for fate, n in rows.items()}
+    last = f"; the last action of {counted(len(cut), 'episode')} is left out"
+    said[f"{last}: nothing says what it led to{lost}"] = len(cut)
     return Result(
         {
             "episodes": len(demonstrations),
