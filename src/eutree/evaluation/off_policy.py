@@ -7,10 +7,12 @@ in at most 5 % of all logs, however rare the losses. Where it is not known that 
 stands for it, the sentence says so, and nothing is believed of actions that the log shows less than
 300 times where the trees differ.
 
-Single deviations say little of a tree that goes where nobody stayed. So where they speak, the tree
-must also earn more in a world model of the episodes that it was learned from, in paired rollouts
-from their starts. The two fail differently: the first where trees differ in long runs, the second
-where the model is poor. Their joint verdict holds under a condition, which is in the sentence.
+Single deviations are bounded by the numbers seen alone, whatever range of returns is known: they
+need the 300 steps, too. And they say little of a tree that goes where nobody stayed. So where they
+speak, the tree must also earn more in a world model of the episodes that it was learned from, in
+paired rollouts from their starts. The two fail differently: the first where trees differ in long
+runs, the second where the model is poor. Their joint verdict holds under a condition, which is in
+the sentence.
 
 A tree learned from a log may be worse than an imitation of its actor, and no episode can be run to
 find out. So of a log (``Log``) a third of the episodes is held out; the learned tree is cut to the

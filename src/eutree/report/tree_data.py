@@ -71,7 +71,7 @@ def tree_data(
         "fills": fills(schema),
         "levels": _levels(schema),
         "leafActions": policy.actions.tolist(),
-        "orders": policy.orders.tolist(),
+        "orders": policy.orders.tolist() if policy.masked else None,
         "leaves": statistics,
         "changes": {str(leaf): change.facts() for leaf, change in (changes or {}).items()},
         "document": _document(policy),
@@ -163,13 +163,13 @@ def _episode(
     """Return an episode: always the leaf of each step; the values sensed, if ``whole``."""
     features = policy_features(policy, episode)
     leaves = policy.tree.leaf_index(features)
-    decided = policy.decide(features[:-1], episode.allowed)
     entry = {
         "actions": episode.actions.tolist(),
         "rewards": [float(f"{r:.6g}") for r in episode.rewards.tolist() * episode.has_rewards],
         "leaves": leaves.tolist() if whole else leaves[:-1].tolist(),
     }
     if whole:
+        decided = policy.decide(features[:-1], episode.allowed)
         entry |= {
             "observations": _on_their_side(policy, features, digits),
             "ending": episode.ending,

@@ -222,7 +222,9 @@ function recount() {
 recount();
 
 /** Return a leaf's first action that a mask of 0 and 1, if there is one, allows. */
-const allowedIn = (leaf, first, mask) => !mask || mask[first] === "1" ? first : data.orders[leaf].find((action) => mask[action] === "1");
+function allowedIn(leaf, first, mask) {
+  return !mask || mask[first] === "1" ? first : data.orders[leaf].find((action) => mask[action] === "1");
+}
 
 /** Return what the policy decides at a step of an episode as it came, and as it is now. */
 function decisions(episode, step) {
