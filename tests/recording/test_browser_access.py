@@ -39,7 +39,14 @@ class Many(Corridor):
 @pytest.mark.parametrize(
     "screens", [("desk", "200 %"), ("phone", "phone on its side")], ids=["keys", "fingers"]
 )
-@pytest.mark.parametrize("world", [evasion, Corridor, Many])
+@pytest.mark.parametrize(
+    "world",
+    [
+        evasion,
+        pytest.param(lambda: Corridor(length=100, limit=10_000), id="Corridor"),
+        pytest.param(lambda: Many(length=90, limit=90), id="Many"),  # as far as it counts
+    ],
+)  # long enough for a page that is drawn late
 def test_what_is_held_and_said_is_in_sight(chromium, tmp_path, screens, world) -> None:
     """A phone on its side hid the button to hold, and a zoom of 200 % hid *Paused*."""
     with serving(tmp_path, world(), fps=8.0) as served:
