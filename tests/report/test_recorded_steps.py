@@ -1,5 +1,6 @@
 """Recorded steps on a policy's page: under masks, and where there are too many for all digits."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -49,13 +50,15 @@ def test_under_masks_the_policy_s_own_episodes_are_its_own(episode: Episode) -> 
     assert not tree_data(policy, [WatchedEpisode(other)])["episodes"][0]["own"]
 
 
+@pytest.mark.parametrize("masked", [True, False])  # of a policy that was made without masks, too
 def test_a_page_says_what_is_done_where_the_first_action_is_not_allowed(
-    chromium: Any, episode: Episode, tmp_path: Path
+    chromium: Any, episode: Episode, tmp_path: Path, masked: bool
 ) -> None:
     path = tmp_path / "page.html"
     shown = Demonstrations((episode,), SCHEMA)
     watched = [WatchedEpisode(episode)]
-    path.write_text(policy_page(masked_policy(), episodes=watched, demonstrations=shown), "utf-8")
+    policy = replace(masked_policy(), masked=masked)
+    path.write_text(policy_page(policy, episodes=watched, demonstrations=shown), "utf-8")
     opened = open_page(chromium, path)
     opened.page.wait_for_selector("body[data-ready]", timeout=ENOUGH)
     status = opened.page.locator("#status")

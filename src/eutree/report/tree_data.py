@@ -54,6 +54,7 @@ def tree_data(
     recorded = () if demonstrations is None else demonstrations.episodes
     n_numbers = (policy.history + 1) * sum(one.episode.observations.size for one in episodes)
     digits = EXACT if n_numbers <= MOST_EXACT else SHORT
+    is_masked = any(one.episode.allowed is not None for one in episodes)
     statistics = None
     if policy.leaves is not None:
         statistics = {
@@ -71,7 +72,7 @@ def tree_data(
         "fills": fills(schema),
         "levels": _levels(schema),
         "leafActions": policy.actions.tolist(),
-        "orders": policy.orders.tolist() if policy.masked else None,
+        "orders": policy.orders.tolist() if is_masked else None,
         "leaves": statistics,
         "changes": {str(leaf): change.facts() for leaf, change in (changes or {}).items()},
         "document": _document(policy),
