@@ -120,6 +120,20 @@ def test_runs_go_on(alone):
     assert bytes_of(alone[1]) == before
 
 
+@pytest.mark.parametrize("resume", [False, True])
+def test_one_run_and_several_do_not_share_a_folder(alone, tmp_path, resume):
+    """Each overwrote the policy of the other, and what was said of how it came about."""
+    before = bytes_of(alone[1])
+    with pytest.raises(RunFolderError, match="already holds several runs"):
+        eutree.learn("eutree/Evasion2-v0", episodes=1, out=alone[1], resume=resume)
+    assert bytes_of(alone[1]) == before
+    eutree.learn("eutree/Evasion2-v0", episodes=1, evaluation_episodes=2, out=tmp_path)
+    before = bytes_of(tmp_path)
+    with pytest.raises(RunFolderError, match="already holds a single run"):
+        learned(tmp_path, resume=resume, n_jobs=1)
+    assert bytes_of(tmp_path) == before
+
+
 def test_a_mistake_leaves_nothing_that_blocks_the_corrected_command(tmp_path):
     for wrong in ({"method": "no-such"}, {"method": "planning", "start": "sideways"}):
         with pytest.raises(InvalidArgumentError):

@@ -314,6 +314,18 @@ def test_a_method_is_registered_in_one_process(monkeypatch):
         register(dict)
 
 
+@dataclass(frozen=True)
+class Nameless(Idle):
+    name = ""
+
+
+def test_the_name_of_a_method_is_its_own_however_it_is_given():
+    """A run folder of such a method was one of eutree's to all who read it."""
+    for own, message in ((Imposter, "'planning' is one of eutree's"), (Nameless, "have a name")):
+        with pytest.raises(InvalidArgumentError, match=message):
+            eutree.learn(TASK, method=own(), episodes=1)
+
+
 def test_what_is_no_method_is_refused_before_the_first_step():
     env = gymnasium.make(TASK)
     for own, message in (
@@ -362,6 +374,17 @@ def of_the_page(tmp_path, monkeypatch):
     monkeypatch.setattr(METHODS, "_known", {})
     yield register(importlib.import_module("of_the_page").CorrectedImitation)
     sys.modules.pop("of_the_page", None)
+
+
+def test_a_run_says_that_a_method_of_ones_own_is_named_again(
+    of_the_page, demos, tmp_path, monkeypatch
+):
+    shown = eutree.Demonstrations.load(demos)
+    options = {"demonstrations": shown, "episodes": 1, "evaluation_episodes": 2}
+    eutree.learn(TASK, method=of_the_page(), out=tmp_path / "run", **options)
+    monkeypatch.setattr(METHODS, "_known", {})
+    with pytest.raises(RunFolderError, match="with 'planning'; name its class again, MODULE:CLASS"):
+        eutree.learn(TASK, method="planning", out=tmp_path / "run", resume=True, **options)
 
 
 def test_a_method_without_gathering_episodes_is_refused_where_it_is_found(monkeypatch):

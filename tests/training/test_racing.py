@@ -328,6 +328,34 @@ def test_a_run_killed_while_racing_ends_with_the_same_bytes(env, shown, expert, 
         assert ours.read_bytes() == wanted.read_bytes(), name
 
 
+@pytest.mark.promise(8)
+def test_a_stop_while_what_follows_a_win_is_planned_forgets_no_event(
+    env, shown, expert, tmp_path, monkeypatch
+):
+    """The win was stored, its event was not, and the run that went on never wrote it."""
+    options = {"demonstrations": shown, "expert": expert, "episodes": 0, "race_steps": 1_500}
+    eutree.learn(env, out=tmp_path / "whole", **options, **SHORT)
+    struck = []
+
+    def striking(stage):
+        def strike(self, state):
+            if state.won and not struck:
+                struck.append(state.stage)
+                raise KeyboardInterrupt
+            return stage(self, state)
+
+        return strike
+
+    for name in ("_propose", "_climb", "_race", "_vary"):
+        monkeypatch.setattr(PolicySearch, name, striking(getattr(PolicySearch, name)))
+    with pytest.raises(KeyboardInterrupt):
+        eutree.learn(env, out=tmp_path / "run", **options, **SHORT)
+    eutree.learn(env, out=tmp_path / "run", resume=True, **options, **SHORT)
+    for name in ARTEFACTS:
+        ours, wanted = (tmp_path / one / name for one in ("run", "whole"))
+        assert ours.read_bytes() == wanted.read_bytes(), name
+
+
 def test_a_callback_follows_the_race_and_may_end_it(env, shown, expert):
     steps = []
 

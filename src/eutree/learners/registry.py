@@ -88,10 +88,7 @@ class Methods(Mapping[str, type[Method]]):
 
     def add(self, kind: type[Method]) -> None:
         """Make a method known in this process; see ``register``."""
-        name = checked(kind).name
-        if name in _OURS or name in PRESETS:
-            raise InvalidArgumentError(f"method {name!r} is one of eutree's; name yours otherwise")
-        self._known[name] = kind
+        self._known[checked(kind).name] = kind
 
 
 METHODS = Methods()
@@ -125,7 +122,8 @@ def checked(kind: Any) -> type[Method]:
     """Return the class of a method if it is one.
 
     Raises:
-        InvalidArgumentError: It is no frozen dataclass with all that a method has.
+        InvalidArgumentError: It is no frozen dataclass with all that a method has, or has the
+            name of one of eutree's.
     """
     params = getattr(kind, "__dataclass_params__", None)
     is_frozen = isinstance(kind, type) and params is not None and params.frozen
@@ -136,6 +134,11 @@ def checked(kind: Any) -> type[Method]:
             "a method must be a frozen dataclass with name, needs, start, restore and declared "
             f"(docs/your-own-method.md), got {shown(kind)}"
         )
+    if not kind.name:
+        raise InvalidArgumentError(f"a method must have a name, got an empty one of {shown(kind)}")
+    is_ours = kind.__module__.partition(".")[0] == "eutree"
+    if not is_ours and (kind.name in _OURS or kind.name in PRESETS):
+        raise InvalidArgumentError(f"method {kind.name!r} is one of eutree's; name yours otherwise")
     return cast(type[Method], kind)
 
 

@@ -2,6 +2,7 @@
 
 import inspect
 from dataclasses import replace
+from functools import cached_property
 from typing import cast
 
 import numpy as np
@@ -138,10 +139,10 @@ class Racing:
         self.search, state = search, self._state
         state.gathering_begins()
         state.whole = True  # a search is stored as it stood between two stages
-        won = search.state.won
         run = None if self._plan.time_is_over(state.at) else search.next_run()
-        if search.state.won > won or run is None:
-            now = search.state
+        now = search.state
+        if now.won > self._noted or run is None:
+            self._noted = now.won
             facts = {"n_leaves": now.incumbent.n_leaves, "tried": now.tried, "won": now.won}
             state.note("race", facts)
         if run is None:
@@ -155,6 +156,11 @@ class Racing:
         elif not state.stopped:  # longer than any before: it decides nothing
             state.move(racing_steps=self._plan.race_steps)
             self._end(search)
+
+    @cached_property
+    def _noted(self) -> int:
+        """Wins that events tell of: a run that was stopped after one may go on before its event."""
+        return max((one["won"] for one in self._state.events if one["event"] == "race"), default=0)
 
     def _end(self, search: PolicySearch) -> None:
         self.result, self.search = search.result, None

@@ -233,6 +233,8 @@ def _opened(folder: Folder | None) -> Folder:
     if folder is None:
         raise InvalidArgumentError("folder must say where several runs are written, got none")
     path = make_folder(folder.path, of=RUN)
+    if (path / "config.json").exists():
+        raise RunFolderError(f"{path} already holds a single run; choose another folder")
     if any((path / "runs").glob("*/config.json")) and not folder.resume:
         raise RunFolderError(
             f"{path} already holds runs; go on with them (--resume) or choose another folder"

@@ -37,7 +37,7 @@ from eutree.evaluation.curves import table_to_csv
 from eutree.files import Document, locked, make_folder, read_document, write_document, write_text
 from eutree.files.atomic import RUN, remove_orphans
 from eutree.learners import Method
-from eutree.learners.registry import from_document, to_document
+from eutree.learners.registry import METHODS, from_document, to_document
 from eutree.policies import TreePolicy
 from eutree.training.checkpoint import (
     CHECKPOINT,
@@ -239,6 +239,8 @@ class RunFolder:
         self._longer, self._config = False, config
         path = self.path / "config.json"
         if not path.exists():
+            if any(self.path.glob("runs/*/config.json")):
+                raise RunFolderError(f"{self.path} already holds several runs; choose another folder")
             shutil.rmtree(self.path / SHOWN, ignore_errors=True)  # of a run that never began
             write_document(path, config)
             self._begun_with.append(path)
@@ -292,9 +294,10 @@ def _check_same(
         if one != other:
             if name in ("demonstrations", "expert", "starts"):  # hashes, which tell nobody anything
                 one, other = "that are not those given now", "these"
+            own = name == "method" and found.method["name"] not in METHODS
             raise RunFolderError(
-                f"{path}: the run was started with {name} {one}, "
-                f"so it cannot be resumed with {other}"
+                f"{path}: the run was started with {name} {one}, so it cannot be resumed with "
+                f"{other}{'; name its class again, MODULE:CLASS' if own else ''}"
             )
 
 
