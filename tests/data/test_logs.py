@@ -122,6 +122,39 @@ def test_each_episode_of_several_machines_has_its_own_time(tmp_path):
     assert [e.observations.ravel().tolist() for e in demos.episodes] == [[1, 3], [2, 4, 6], [5]]
 
 
+@pytest.mark.parametrize(
+    ("log", "row"),
+    [
+        (LogFormat(missing="drop"), "a,2,u,,7,won,true"),
+        (LogFormat(time="t", episode_gap=60.0), ""),
+    ],
+    ids=["an empty cell", "a pause"],
+)
+def test_an_episode_in_two_parts_began_once_and_ended_once(tmp_path, log, row):
+    """Each part had the seed and the success of the whole."""
+    path = tmp_path / "log.csv"
+    rows = ["episode,t,action,x,seed,ending,is_success", "a,0,u,1,7,won,true", "a,1,u,2,7,won,true"]
+    rows += [row] * bool(row) + ["a,500,u,3,7,won,true", "a,501,u,4,7,won,true"]
+    path.write_text("\n".join(rows) + "\n")
+    first, last = Demonstrations.from_csv(path, log=log).episodes
+    assert (first.seed, first.ending, first.is_success) == (7, "", None)
+    assert (last.seed, last.ending, last.is_success) == (None, "won", True)
+
+
+def test_an_episode_without_its_first_row_does_not_begin_where_its_seed_does(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("episode,action,x,seed\na,u,,7\na,u,2,7\na,u,3,7\nb,u,1,8\nb,u,2,8\n")
+    demos = Demonstrations.from_csv(path, log=LogFormat(missing="drop"))
+    assert [e.seed for e in demos.episodes] == [None, 8]
+
+
+def test_pauses_alone_part_episodes_of_which_each_says_its_own(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("t,action,x,seed\n0,u,1,7\n1,u,2,7\n500,u,3,8\n501,u,4,8\n")
+    log = LogFormat(time="t", episode_gap=60.0)
+    assert [e.seed for e in Demonstrations.from_csv(path, log=log).episodes] == [7, 8]
+
+
 def test_levels_of_a_quantity_are_in_their_order(tmp_path):
     path = tmp_path / "log.csv"
     path.write_text("episode,action,x\n0,2.5,1\n0,-1.0,2\n0,0.0,3\n0,,4\n")

@@ -45,7 +45,7 @@ from eutree.data.log_format import (
     truth,
 )
 from eutree.errors import FormatError, InvalidArgumentError, blamed
-from eutree.files import opened_text, read_bytes, write_text
+from eutree.files import opened_text, write_text
 from eutree.schema import Feature, Schema, numbered_actions
 from eutree.validation import check_choice, check_finite
 
@@ -103,21 +103,7 @@ def read_csv(
             raise FormatError(path, f"line {table.line}", str(error)) from None
         except csv.Error as error:
             raise FormatError(path, f"line {reader.line_num}", str(error)) from None
-        except UnicodeDecodeError:
-            raise FormatError(path, *_no_text(path)) from None
     return *table.read(schema), table.filled, table.left_out
-
-
-def _no_text(path: str | Path) -> tuple[str, str]:
-    """Return the line of a file that is no UTF-8, and what it is likely to be."""
-    for number, line in enumerate(read_bytes(path, limit=MAX_CSV).split(b"\n"), 1):
-        try:
-            line.decode()
-        except UnicodeDecodeError as error:
-            kind = "UTF-16" if b"\0" in line else "Latin-1"
-            wrong = f"byte {line[error.start]:#04x} is not UTF-8 text, perhaps {kind}"
-            return f"line {number}", f"{wrong}: save the file as UTF-8"
-    return "", "not UTF-8 text"
 
 
 @dataclass(slots=True)
@@ -162,6 +148,7 @@ class _Table:
         self._numbers = [column for column in self._features if column not in log.nominal]
         self._groups: list[_EpisodeRows] = []
         self._present: dict[str, _EpisodeRows] = {}  # of each episode that may go on
+        self._parted: set[str] = set()  # episodes in parts, or without their first row
         self._held: dict[str, dict[str, str]] = {}  # the last text of each column of its rows
         self._times: dict[str, float] = {}  # of its last row
         self._order: slice | list[int] = slice(None)  # of the features, as a schema has them
@@ -206,16 +193,23 @@ class _Table:
                 f"{self._log.time} goes back, to {text!r}: sort the rows{other}"
             )
         if self._log.episode_gap is not None and step > self._log.episode_gap:
-            self._present.pop(name, None)
+            self._cut(name)
             self._held.pop(name, None)
         self._times[name] = now
+
+    def _cut(self, name: str) -> None:
+        """Part an episode: the first alone has its seed, the last how it ended."""
+        group = self._present.pop(name, _EpisodeRows())
+        if name:
+            self._parted.add(name)
+            group.facts |= {"ending": "", "is_success": ""}
 
     def _fill(self, name: str, row: dict[str, str]) -> bool | None:
         """Fill the empty cells of a row; return whether it has any, None to leave it out."""
         empty = [column for column in self._numbers if is_nothing(row[column])]
         empty += [column for column in self._log.nominal if not row[column].strip()]
         if empty and self._log.missing == LEAVE_OUT:
-            self._present.pop(name, None)
+            self._cut(name)
             return None
         held = dict.fromkeys(empty, self._log.missing)
         if self._log.missing == HOLD:
@@ -250,7 +244,8 @@ class _Table:
             )
         group.observations.extend([self._value(row, name) for name in self._features])
         group.last_line, group.last_row, group.last_step = self.line, row, step
-        group.facts |= {name: row[name] for name in _FACTS if row.get(name)}
+        facts = _FACTS[1:] if row.get("episode") in self._parted else _FACTS  # no seed
+        group.facts |= {name: row[name] for name in facts if row.get(name)}
         if row["action"]:
             self._act(group, row)
         ends = truth(row, "terminated") is True, truth(row, "truncated") is True

@@ -93,10 +93,25 @@ def opened_text(path: str | Path, *, limit: int) -> Iterator[io.TextIOWrapper]:
 
     Raises:
         FileError: The file is missing, unreadable or no regular file.
-        FormatError: It is larger than ``limit``.
+        FormatError: It is larger than ``limit``, or not UTF-8, which reading it tells.
     """
     with _opened(path, limit) as file:
-        yield io.TextIOWrapper(file, encoding="utf-8-sig", newline="")
+        try:
+            yield io.TextIOWrapper(file, encoding="utf-8-sig", newline="")
+        except UnicodeDecodeError:
+            raise FormatError(path, *_no_text(path, limit)) from None
+
+
+def _no_text(path: str | Path, limit: int) -> tuple[str, str]:
+    """Return the line of a file that is no UTF-8, and what it is likely to be."""
+    for number, line in enumerate(read_bytes(path, limit=limit).split(b"\n"), 1):
+        try:
+            line.decode()
+        except UnicodeDecodeError as error:
+            kind = "UTF-16" if b"\0" in line else "Latin-1"
+            wrong = f"byte {line[error.start]:#04x} is not UTF-8 text, perhaps {kind}"
+            return f"line {number}", f"{wrong}: save the file as UTF-8"
+    return "", "not UTF-8 text"
 
 
 def read_bytes(path: str | Path, *, limit: int) -> bytes:
