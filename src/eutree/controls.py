@@ -40,6 +40,7 @@ class Control:
         if not self.name:
             raise InvalidArgumentError("a control must have a name, got an empty one")
         distinct = len(set(self.levels)) == len(self.levels) > 0
+        object.__setattr__(self, "levels", tuple(map(float, self.levels)))
         if not (distinct and all(map(math.isfinite, self.levels))):
             raise InvalidArgumentError(
                 f"control {self.name!r} must have at least one level, all distinct and finite, "

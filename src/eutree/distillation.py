@@ -108,7 +108,8 @@ def stakes_of(teacher: Any, action_values: ActionValues | None, n_actions: int) 
     """
     values = values_of(teacher, n_actions, action_values)
     if values is None:
-        tree = teacher if isinstance(teacher, TreePolicy) and not teacher.history else None
+        of_rows = isinstance(teacher, TreePolicy) and teacher.features.is_identity
+        tree = teacher if of_rows else None
         if tree is None or tree.leaves is None or not tree.leaves.compares_actions:
             return None
         return lambda rows, allowed=None: _at_stake(

@@ -110,6 +110,16 @@ def test_why_names_the_demonstrations_behind_a_leaf(eutree, expert, demonstratio
     assert eutree("why", expert, "--observation", "0;5").code == 2
 
 
+def test_a_category_that_is_named_by_a_number_is_the_one_with_this_name(eutree):
+    """It was taken for a code, and another observation was explained."""
+    gear = Feature("gear", low=0, high=2, is_integer=True, categories=("1", "2", "3"))
+    schema = Schema((gear,), ("go", "stop"))
+    TreePolicy(DecisionTree.single_leaf(1).split(0, 0, 1.5), [0, 1], schema).save("gear.json")
+    assert eutree("verify", "gear.json", "--property", "always go when gear is 2").code == 0
+    assert eutree("why", "gear.json", "--observation", "2").out.startswith("go")
+    assert eutree("why", "gear.json", "--observation", "3").out.startswith("stop")
+
+
 def test_why_takes_the_names_of_categories(eutree):
     mode = Feature("mode", low=1, high=3, is_integer=True, categories=("off", "low", "high"))
     tree = DecisionTree.single_leaf(2).split_each([(0, 1, 2.5)])

@@ -105,3 +105,17 @@ def test_a_tree_that_acted_under_masks_says_so_whatever_was_shown(method) -> Non
         assert "_allowed" in eutree.export.to_c(tree)
     free, _ = eutree.distill(Values(0.0), Line(masked=False), FEW, demonstrations=shown, seed=1)
     assert not free.masked
+
+
+def test_a_teacher_that_remembers_actions_has_no_stakes_in_observations():
+    """VIPER asked it for stakes of rows without what was done before, and failed."""
+    leaves = LeafStatistics(np.ones((1, 2), dtype=np.int64), np.eye(1, 2), np.zeros((1, 2)))
+    schema = Schema((Feature("x"),), ("a", "b"))
+    for history, actions in ((1, 0), (0, 1)):
+        known = schema.with_history(history, actions)
+        one = DecisionTree.single_leaf(len(known.features))
+        past = {"history": history, "past_actions": actions}
+        teacher = TreePolicy(one, np.array([0]), known, leaves=leaves, **past)
+        assert stakes_of(teacher, None, 2) is None
+    present = TreePolicy(DecisionTree.single_leaf(1), np.array([0]), schema, leaves=leaves)
+    assert stakes_of(present, None, 2)(np.zeros((3, 1))).tolist() == [1.0, 1.0, 1.0]

@@ -269,3 +269,9 @@ def test_a_rare_loss_among_few_episodes_is_warned_of():
     assert "2,426 episodes" in rare.warning
     same = Evaluation(np.full(5, 0.1), np.ones(5), np.full(5, "end"))
     assert same.warning == ""
+
+
+@pytest.mark.parametrize("unknown", [np.nan, np.inf])
+def test_unknown_returns_warn_of_nothing(unknown):
+    found = Evaluation(np.array([unknown, 1.0, 2.0]), np.ones(3), np.full(3, "end"))
+    assert found.warning == ""

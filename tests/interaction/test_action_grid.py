@@ -120,6 +120,18 @@ def test_schemas_of_other_levels_do_not_fit():
     assert one.with_history(2, 1).controls == one.controls
 
 
+@pytest.mark.parametrize("levels", [(0, 50), np.array([0, 50]), np.linspace(0.0, 50.0, 2)])
+def test_levels_are_numbers_that_every_export_can_write(levels):
+    """A module of Python named NumPy, and C had no digits."""
+    controls = (Control("valve", "%", tuple(levels)),)
+    schema = Schema(Schema.anonymous(1, 1).features, combined_actions(controls), controls)
+    policy = policy_of(tree(2, 1), schema)
+    assert combined_actions(controls) == ("valve 0 %", "valve 50 %")
+    same = replace(schema, controls=(Control("valve", "%", (0.0, 50.0)),))
+    for write in (to_c, to_python):
+        assert write(policy) == write(replace(policy, schema=same))
+
+
 def test_from_demonstrations_to_c(tmp_path, monkeypatch, capsys):
     """Record, fit, evaluate, learn, compress and export on the command line; files keep it."""
     monkeypatch.chdir(tmp_path)

@@ -8,7 +8,7 @@ import pytest
 from gymnasium.envs.registration import EnvSpec
 
 from eutree.errors import InvalidArgumentError
-from eutree.proof import Effort, Plant, check_plant, prove
+from eutree.proof import Effort, Intervals, Plant, check_plant, prove
 from eutree.schema import EnvironmentSpec
 from tests.proof.policies import policy_of
 
@@ -135,6 +135,10 @@ def test_what_python_would_decide_for_all_of_a_box_is_refused(policy, changed):
         (
             {"step": lambda state, action: [1.0, 2.0]},
             "step of BoilerPlant must return Intervals of",
+        ),
+        (
+            {"step": lambda state, action: [state[0], Intervals.of(0.25)]},
+            "step of BoilerPlant must return an interval for each of",
         ),
         ({"step": lambda state: state}, "BoilerPlant cannot move boxes: TypeError: .*lambda"),
         (

@@ -84,10 +84,10 @@ def why(policy: Path, observation: str, demos: Path | None) -> Result:
 def _number(text: str, feature: Feature) -> float:
     """Return the number that is written, or that of the category with this name."""
     names = feature.categories
+    if text.strip() in names:  # also of numbers, as properties have it
+        return feature.low + names.index(text.strip())
     with suppress(ValueError):
         return float(text)
-    if text.strip() in names:
-        return feature.low + names.index(text.strip())
     wanted = f"a number or one of {', '.join(names)}" if names else "a number"
     raise InvalidArgumentError(f"--observation must have {wanted} for {feature.name}, got {text!r}")
 

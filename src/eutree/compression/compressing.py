@@ -36,6 +36,7 @@ from eutree.compression.smaller_trees import (
     WEIGHTS,
     Costs,
     Ladder,
+    OrderLadder,
     Rounding,
     by_c45,
     lossless,
@@ -97,7 +98,8 @@ def compress(
             one feature is 1). ``"lossless"`` and ``"auto"`` keep the decision on every recorded
             observation; ``"auto"`` takes the smallest of all ways. ``"paper"`` is unpruned C4.5,
             which may change some decisions.
-        max_disagreement: Give the smallest tree that costs at most this share instead.
+        max_disagreement: Give the smallest tree that costs at most this share instead. Under masks
+            a decision is the order in which a leaf prefers all actions.
         max_leaves: Give a tree of at most so many leaves instead, at any cost.
         imagined: With ``max_leaves`` nodes are cut where that costs least in these episodes, which
             is worth it from some ten thousand varied transitions on; without them, where labels
@@ -203,8 +205,7 @@ def _smallest(policy: TreePolicy, rows: Floats, mode: str) -> tuple[TreePolicy, 
     if rows.size and mode in ("auto", "paper"):
         trees["paper"] = by_c45(policy, rows, C45Settings.unpruned())
     trees = {name: with_locks(tree, policy) for name, tree in trees.items()}
-    wanted = policy.actions[policy.tree.leaf_index(rows)]
-    same = [one for one in trees if mode == "paper" or _agreement(trees[one], rows, wanted) == 1.0]
+    same = [one for one in trees if mode == "paper" or _agreement(trees[one], rows, policy) == 1.0]
     best = min(["merge", *same], key=lambda name: trees[name].n_leaves)
     return trees[best], best
 
@@ -214,7 +215,7 @@ def _within(policy: TreePolicy, costs: Costs, share: float) -> tuple[TreePolicy,
     exact = with_locks(merged(policy), policy)
     if not costs.rows.size:
         return exact, "merge"
-    found = with_locks(Ladder(policy, costs).within(share), policy)
+    found = with_locks(_ladder(policy, costs).within(share), policy)
     return (found, "budget") if found.n_leaves <= exact.n_leaves else (exact, "merge")
 
 
@@ -234,12 +235,16 @@ def _of_size(
             )
         return exact, "merge", None
     if imagine is None:
-        return Ladder(policy, costs).of_size(max_leaves), "budget", None
+        return _ladder(policy, costs).of_size(max_leaves), "budget", None
     found = imagine(policy, costs, max_leaves)
     if ground is not None:  # where trees can play, a model is believed only if it can tell them
         means = [returns_of(one, ground, _ASKED_BLOCK, ASKED).mean() for one in found.asked]
         found.check_order(np.array(means))
     return found.policy, found.method, (found.before, found.after)
+
+
+def _ladder(policy: TreePolicy, costs: Costs) -> Ladder:
+    return OrderLadder(policy, costs) if policy.masked else Ladder(policy, costs)
 
 
 def _check_demands(
@@ -319,7 +324,7 @@ def report_on(
     return CompressionReport(
         n_leaves_before=policy.n_leaves,
         n_leaves_after=result.n_leaves,
-        agreement=_agreement(result, rows, policy.actions[policy.tree.leaf_index(rows)]),
+        agreement=_agreement(result, rows, policy),
         disagreement_volume=disagreement(*both, observation_box(schema, rows), schema),
         method=method,
         weighted_disagreement=costs.share(result.tree, result.actions),
@@ -328,11 +333,15 @@ def report_on(
     )
 
 
-def _agreement(policy: TreePolicy, rows: Floats, wanted: ArrayLike) -> float:
-    """Return the share of rows on which the policy decides as wanted; 1 if there are none."""
+def _agreement(changed: TreePolicy, rows: Floats, policy: TreePolicy) -> float:
+    """Return the share of rows [N, d] decided as before, whatever is masked; 1 of none."""
     if not rows.size:
         return 1.0
-    return float((policy.actions[policy.tree.leaf_index(rows)] == wanted).mean())
+    mine, theirs = (
+        (one.orders if policy.masked else one.actions)[one.tree.leaf_index(rows)]
+        for one in (changed, policy)
+    )
+    return float(np.equal(mine, theirs).reshape(len(rows), -1).all(axis=1).mean())
 
 
 # Compression of a tree that keeps monotone rules, into one that keeps them.

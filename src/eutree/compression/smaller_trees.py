@@ -103,6 +103,10 @@ class Prunings:
 
     def of_size(self, n_leaves: int) -> TreePolicy:
         """Return the cheapest pruning with at most so many leaves."""
+        return with_tree(self.policy, *self._pruned(n_leaves))
+
+    def _pruned(self, n_leaves: int) -> tuple[DecisionTree, Integers]:
+        """Return its tree, and which column of the costs each leaf has, [L]."""
         tree = self.policy.tree
         label = np.full(tree.n_nodes, INNER, dtype=np.int64)
         work = [(0, n_leaves)]
@@ -119,7 +123,24 @@ class Prunings:
             sums = ones[lefts - 1] + others[size - lefts - 1]
             chosen = int(lefts[sums.argmin()])
             work += [(left, chosen), (right, size - chosen)]
-        return with_tree(self.policy, *rebuild(tree, np.arange(tree.n_nodes), label))
+        return rebuild(tree, np.arange(tree.n_nodes), label)
+
+
+class _OrderPrunings(Prunings):
+    """Those of a policy under masks: each leaf prefers all actions as one of its leaves does."""
+
+    def __init__(self, policy: TreePolicy, costs: Costs) -> None:
+        self._orders, own = np.unique(policy.orders, axis=0, return_inverse=True)
+        others = np.not_equal.outer(own.reshape(-1), np.arange(len(self._orders)))
+        of_order = others[policy.tree.leaf_index(costs.rows)] * costs.of_action.max(axis=1)[:, None]
+        super().__init__(policy, replace(costs, of_action=of_order))
+
+    def of_size(self, n_leaves: int) -> TreePolicy:
+        """Return the cheapest pruning with at most so many leaves."""
+        tree, labels = self._pruned(n_leaves)
+        orders = self._orders[labels]
+        ranks = np.argsort(orders, axis=1)
+        return replace(with_tree(self.policy, tree, orders[:, 0]), ranks=ranks)
 
 
 def without_unreached(policy: TreePolicy, rows: Floats) -> TreePolicy:
@@ -247,6 +268,18 @@ class Ladder:
         """Return the least cost with at most so many leaves, and whose it is."""
         costs = [float(p.costs[min(n_leaves, p.costs.size) - 1]) for p in self._prunings]
         return min(costs), self._prunings[costs.index(min(costs))]
+
+
+class OrderLadder(Ladder):
+    """That of a policy whose actions may be masked, which orders them all in each leaf.
+
+    What is masked where is not known, so another order than the leaf's costs the observation's
+    worst. Trees of C4.5 have no such orders: the policy's own alone is pruned.
+    """
+
+    def __init__(self, policy: TreePolicy, costs: Costs) -> None:
+        self._prunings = [_OrderPrunings(merged(policy), costs)]
+        self._worst = costs.worst
 
 
 # Between the recorded values on both sides of a test, any threshold decides them alike. Of all

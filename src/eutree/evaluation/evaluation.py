@@ -275,6 +275,8 @@ class Evaluation(Earned, Displayed):
         The interval of a mean of n values is about right from n = 25 times their squared skewness
         on (W. G. Cochran, *Sampling Techniques*, 3rd ed., 1977, section 2.15).
         """
+        if not np.isfinite(self.returns).all():  # some are unknown
+            return ""
         spread = float(self.returns.std())
         if spread <= 1e-12 * max(float(np.abs(self.returns).max()), 1e-300):
             return ""

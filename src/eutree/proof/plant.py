@@ -220,6 +220,9 @@ class Plant:
                 f"start of {kind} must have a range for each of {', '.join(names)}, got {len(ends)}"
             )
         _check_listed(f"step of {kind}", moved, names)
+        if bad := [k for k, one in enumerate(moved) if np.shape(one.low) != (n,)]:
+            words = f"step of {kind} must return an interval for each of {n} boxes"
+            raise InvalidArgumentError(f"{words}, got {shown(moved[bad[0]])} for {names[bad[0]]}")
         _check_listed(f"observe of {kind}", observed, seen.measured.feature_names, Real, np.ndarray)
         _check_listed(f"measure of {kind}", measured, self.schema.feature_names, Real, np.ndarray)
         for name, found in ended.items():

@@ -240,7 +240,8 @@ class RunFolder:
         path = self.path / "config.json"
         if not path.exists():
             if any(self.path.glob("runs/*/config.json")):
-                raise RunFolderError(f"{self.path} already holds several runs; choose another folder")
+                held = f"{self.path} already holds several runs"
+                raise RunFolderError(f"{held}; choose another folder")
             shutil.rmtree(self.path / SHOWN, ignore_errors=True)  # of a run that never began
             write_document(path, config)
             self._begun_with.append(path)
