@@ -36,8 +36,8 @@ from eutree.evaluation import curve_to_csv
 from eutree.evaluation.curves import table_to_csv
 from eutree.files import Document, locked, make_folder, read_document, write_document, write_text
 from eutree.files.atomic import RUN, remove_orphans
-from eutree.learners import Method
-from eutree.learners.registry import METHODS, from_document, to_document
+from eutree.learners import METHODS, Method
+from eutree.learners.registry import from_document, to_document
 from eutree.policies import TreePolicy
 from eutree.training.checkpoint import (
     CHECKPOINT,
