@@ -444,3 +444,69 @@ def test_columns_by_place_have_the_units_of_an_environment_but_names_may_rename(
     ask("import", log, "--names", tmp_path / "names.json", "--out", demos)
     features = eutree.data.Demonstrations.load(demos).schema.features
     assert [one.unit for one in features[:2]] == ["°", "cm"]
+
+
+class SometimesBarred(gymnasium.Env):
+    """Bars its second action where ``barred`` says so."""
+
+    observation_space = gymnasium.spaces.Box(0.0, 9.0, (1,), np.float64)
+    action_space = gymnasium.spaces.Discrete(2)
+
+    def __init__(self, barred: bool = False, render_mode: str | None = None) -> None:
+        self.barred, self.render_mode = barred, render_mode
+
+    def info(self) -> dict[str, np.ndarray]:
+        return {"action_mask": np.array([1, not self.barred], dtype=np.int8)}
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        self.steps = 0
+        return np.zeros(1), self.info()
+
+    def step(self, action):
+        self.steps += 1
+        return np.full(1, float(self.steps)), 1.0, self.steps >= 3, False, self.info()
+
+
+def test_an_action_that_is_masked_now_is_a_difference(ask, tmp_path, capsys):
+    """The command ended with the error of the first one, and said nothing of the others."""
+    gymnasium.register("SometimesBarred-v0", SometimesBarred)
+    try:
+        env = gymnasium.make("SometimesBarred-v0")
+        second = eutree.record(env, lambda env: 1, episodes=2, seed=0)
+        second.save(tmp_path / "demos")
+        line = ["demos", "check", str(tmp_path / "demos"), "--env-arg", "barred=true"]
+        assert run(line) == 1
+    finally:
+        gymnasium.registry.pop("SometimesBarred-v0")
+    said = capsys.readouterr().out
+    assert "0 of 2 episodes are equal" in said
+    assert said.count("action must be one that the environment allows") == 2
+
+
+def test_folders_whose_features_are_of_another_kind_are_not_merged(tmp_path, capsys):
+    whole, real = Feature("x", low=0, high=10, is_integer=True), Feature("x", low=0, high=10)
+    for name, feature, value in (("whole", whole, 2.0), ("real", real, 2.5)):
+        one = Episode(np.full((3, 1), value), [0, 1], np.ones(2), True, False)
+        Demonstrations((one,), Schema((feature,), ("a", "b"))).save(tmp_path / name)
+    folders = [str(tmp_path / name) for name in ("whole", "real", "both")]
+    assert run(["demos", "merge", *folders[:2], "--out", folders[2]]) == 2
+    assert "x" in capsys.readouterr().err
+    assert not (tmp_path / "both").exists()
+
+
+def test_arguments_of_no_environment_are_refused(tmp_path, capsys):
+    one = Episode(np.zeros((3, 1)), [0, 1], np.ones(2), True, False)
+    Demonstrations((one,), Schema.anonymous(1, 2)).save(tmp_path / "demos")
+    line = [
+        "fit",
+        str(tmp_path / "demos"),
+        "--env-arg",
+        "foo=1",
+        "--episodes",
+        "0",
+        "--out",
+        "x.json",
+    ]
+    assert run(line) == 2
+    assert "names no environment to give foo to" in capsys.readouterr().err

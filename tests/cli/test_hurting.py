@@ -5,13 +5,15 @@ import re
 from itertools import groupby
 from operator import itemgetter
 
+import numpy as np
 import pytest
 from benchmarks.people import folder as recorded_by
 
 import eutree
 from eutree.cli.main import run
-from eutree.data import Demonstrations
+from eutree.data import Demonstrations, Episode
 from eutree.data.demonstrations import taught_in
+from eutree.schema import Schema
 
 TEACHES_WORSE = 4  # a folder whose tree succeeds in half of the episodes, and in 4 of 5 without it
 
@@ -92,3 +94,22 @@ def test_mistakes_give_one_line(folder, tmp_path, capsys):
     plain.save(tmp_path / "log")
     assert run(["demos", "hurting", str(tmp_path / "log")]) == 2
     assert "names no environment" in capsys.readouterr().err
+
+
+def test_taking_back_leaves_out_what_led_to_a_segment_that_was_shown_again(tmp_path, capsys):
+    steps = {"taught": np.array([-1, -1, 1, -1])}
+    facts = {
+        "observations": np.arange(5.0)[:, None],
+        "actions": [0, 1, 0, 1],
+        "rewards": np.ones(4),
+    }
+    again = Episode(**facts, terminated=True, truncated=False, steps=steps,
+                    extras={"shown_again": True})  # fmt: skip
+    whole = Episode(**facts, terminated=True, truncated=False, steps=steps)
+    Demonstrations((again, whole), Schema.anonymous(1, 2)).save(tmp_path / "demos")
+    line = ["demos", "hurting", str(tmp_path / "demos"), "--undo"]
+    assert run([*line, "--out", str(tmp_path / "out")]) == 2
+    assert "takes no --out" in capsys.readouterr().err
+    assert run(line) == 0
+    taught = [one.taught.tolist() for one in Demonstrations.load(tmp_path / "demos").episodes]
+    assert taught == [[-1, -1, 0, 1], [0, 1, 0, 1]]

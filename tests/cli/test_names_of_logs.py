@@ -1,6 +1,7 @@
 """A log has names of its own: those of a file, a policy or another log may be in another order."""
 
 import json
+from pathlib import Path
 
 import gymnasium
 import numpy as np
@@ -142,3 +143,20 @@ def test_actions_of_an_environment_keep_their_order():
             make("tests/Named-v0")
     finally:
         del gymnasium.registry["tests/Named-v0"]
+
+
+def test_actions_are_in_the_logs_order_whatever_order_names_or_environment_have(
+    tmp_path, monkeypatch, capsys
+):
+    """A log's 0 was the first action of the file of names, and not of --actions."""
+    monkeypatch.chdir(tmp_path)
+    Path("log.csv").write_text("episode,action,x,y\n1,0,1,2\n1,1,2,3\n1,0,3,3\n1,,3,4\n")
+    Path("names.json").write_text('{"actions": ["on", "off"]}')
+    line = ["demos", "import", "log.csv", "--actions", "off,on", "--out"]
+    for out, more in (("alone", []), ("named", ["--names", "names.json"])):
+        assert run([*line, out, *more]) == 0
+        found = Demonstrations.load(out)
+        names = [found.schema.actions[k] for k in found.episodes[0].actions]
+        assert names == ["off", "on", "off"]
+    assert run([*line, "other", "--env", "MountainCar-v0"]) == 2
+    assert "--actions must be" in capsys.readouterr().err

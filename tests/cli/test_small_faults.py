@@ -237,3 +237,19 @@ def test_values_that_the_environment_cannot_have_are_refused_on_import(eutree, t
         assert answer.code == 2
         assert "is declared to be a whole number from 0 to 47, and" in answer.err
         assert not (tmp_path / f"d{number}").exists()
+
+
+def test_a_log_whose_ends_are_where_the_last_action_was_taken(eutree, tmp_path):
+    rows = ["episode,action,reward,terminated,x", "1,0,1,false,2", "1,1,-100,true,3"]
+    (tmp_path / "log.csv").write_text("\n".join(rows) + "\n")
+    assert "(but see --ends-in-place)" in eutree("demos", "import", "log.csv", "--out", "a").out
+    answer = eutree("demos", "import", "log.csv", "--ends-in-place", "--out", "b", "--json")
+    assert (answer.json["n_transitions"], answer.json["dropped_actions"]) == (2, 0)
+    arrays = {"obs": [[2.0], [3.0]], "acts": [0, 1], "rews": [1.0, -100.0], "terminals": [0, 1]}
+    np.savez(tmp_path / "log.npz", **{name: np.array(one) for name, one in arrays.items()})
+    answer = eutree("demos", "import", "log.npz", "--ends-in-place", "--out", "c", "--json")
+    assert answer.json["n_transitions"] == 2
+    assert (
+        "file .csv"
+        in eutree("demos", "import", "minari:a/b-v0", "--ends-in-place", "--out", "d").err
+    )

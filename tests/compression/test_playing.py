@@ -69,6 +69,16 @@ def test_who_says_nothing_of_failures_has_no_share_of_successes():
     assert other.successes is None
 
 
+def test_what_is_not_run_again_keeps_its_successes_where_failures_are_silent(monkeypatch):
+    """Five failures that nobody reported made failures of all forty."""
+    common, _ = outcomes(Ground(SaysSuccess(EVASION), 0), evasive(1), [])
+    returns = common.outcome.returns
+    common.outcome = Outcome(returns, np.ones(returns.size, dtype=bool))
+    monkeypatch.setattr(common, "_departs", lambda challenger, n: np.arange(5))
+    (other,) = common.outcomes([evasive(2)])
+    assert other.successes.tolist() == [False] * 5 + [True] * 35
+
+
 def test_a_challenger_that_decides_alike_costs_no_step():
     common, _ = outcomes(Ground(EVASION, 0), evasive(1), [])
     steps = common.ground.steps

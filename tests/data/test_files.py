@@ -244,6 +244,35 @@ def test_a_damaged_record_ends_the_episode_there(tmp_path):
     assert np.array_equal(recovered.observations, episode.observations[:-1])
 
 
+@pytest.mark.promise(9)
+def test_zeros_that_a_power_cut_leaves_end_the_episode_there(tmp_path):
+    """A record of no bytes had the right checksum, and the whole folder could not be read."""
+    folder = DemonstrationFolder.create(tmp_path / "demos", Schema.anonymous(1, 4))
+    folder.append(Episode([[0.0], [1.0]], [0], [0.0], True, False))
+    running = folder.start_episode([0.0])
+    running.journal.append(3, 1.0, [1.0])
+    running.journal.close()
+    path = running.journal.path
+    data = path.read_bytes()
+    for left, lengths in ((data, [1, 1]), (data[:-9], [1]), (b"", [1])):
+        path.write_bytes(left + bytes(4096))
+        assert [len(one) for one in Demonstrations.load(folder.path).episodes] == lengths
+
+
+@pytest.mark.promise(9)
+def test_masks_that_are_said_at_some_steps_alone_are_recovered(tmp_path):
+    for masked in (0, 1):
+        journal = EpisodeJournal(tmp_path / "journal", [0.0])
+        for step in range(3):
+            said = {"allowed": [True, False]} if step % 2 == masked else {}
+            journal.append(0, 1.0, [1.0], steps={"time": 0.5, **said})
+        journal.close()
+        found = recover_episode(tmp_path / "journal")
+        wanted = [[True, step % 2 != masked] for step in range(3)]
+        assert found.allowed.tolist() == wanted
+        (tmp_path / "journal").unlink()
+
+
 @pytest.mark.promise(10)
 def test_a_full_disk_while_recording_loses_that_step_only(tmp_path):
     class Full(Operations):

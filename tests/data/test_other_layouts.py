@@ -120,3 +120,38 @@ def test_rows_are_one_episode_but_where_an_end_is_told(tmp_path, known, lengths)
     np.savez(tmp_path / "log.npz", obs=np.arange(3.0), acts=[0, 1, 0], **known)
     episodes = Demonstrations.from_npz(tmp_path / "log.npz").episodes
     assert [len(one) for one in episodes] == lengths
+
+
+@pytest.mark.parametrize("form", ["csv", "npz"])
+def test_an_end_in_place_keeps_what_the_last_action_earned(tmp_path, form):
+    """No episode of such a log ended, and a crash cost nothing."""
+    ends = {"terminals": [0, 1, 0, 0], "timeouts": [0, 0, 0, 1]}
+    rows = np.array([[1.0], [2.0], [3.0], [4.0]])
+    actions, rewards = np.array([0, 1, 1, 0]), np.array([1.0, -100.0, 1.0, 1.0])
+    path = tmp_path / f"log.{form}"
+    if form == "npz":
+        flags = {name: np.array(said) for name, said in ends.items()}
+        np.savez(path, obs=rows, acts=actions, rews=rewards, **flags)
+        first, cut = Demonstrations.from_npz(path, ends_in_place=True).episodes
+        (left,) = Demonstrations.from_npz(path).episodes[:1]
+    else:
+        table = zip("0011", actions, rewards, *ends.values(), rows[:, 0], strict=True)
+        lines = ["episode,action,reward,terminated,truncated,x"]
+        lines += [",".join(map(str, row)) for row in table]
+        path.write_text("\n".join(lines) + "\n")
+        log = LogFormat(ends_in_place=True)
+        first, cut = Demonstrations.from_csv(path, log=log).episodes
+        (left,) = Demonstrations.from_csv(path).episodes[:1]
+    assert first.observations.ravel().tolist() == [1.0, 2.0, 2.0]
+    assert first.rewards.tolist() == [1.0, -100.0]
+    assert (first.terminated, first.truncated, dict(first.extras)) == (True, False, {})
+    assert (cut.rewards.tolist(), cut.terminated) == ([1.0], False)  # where that led is not known
+    assert cut.extras == left.extras | {"dropped_action": 0} != {}
+    assert (left.rewards.tolist(), left.terminated) == ([1.0], False)
+
+
+def test_an_end_in_place_is_of_logs_without_what_came_after(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("episode,action,terminated,x\n0,1,false,1\n0,0,true,2\n0,,,3\n")
+    (episode,) = Demonstrations.from_csv(path, log=LogFormat(ends_in_place=True)).episodes
+    assert (episode.observations.ravel().tolist(), episode.terminated) == ([1.0, 2.0, 3.0], True)

@@ -10,6 +10,8 @@ from eutree.data import Demonstrations, Episode
 from eutree.data.demonstrations import lessons, taught_in
 from eutree.data.episode import CUT
 from eutree.errors import InvalidArgumentError
+from eutree.evaluation import Evaluation
+from eutree.fitting import hurting
 from eutree.fitting.hurting import Segment, accepted, find_hurting, restored
 from tests.fitting.door import Careful, Corridor
 
@@ -150,3 +152,21 @@ def test_the_seconds_are_those_of_the_recording(spoilt):
 def test_bad_counts_are_refused(shown, name):
     with pytest.raises(InvalidArgumentError, match=name):
         find_hurting(shown, Corridor(), **{name: 0})
+
+
+def test_who_never_succeeds_is_not_worth_its_return_where_others_are_worth_successes(monkeypatch):
+    """A batch without any success gave returns of 25, and the others ones and noughts."""
+    games = object.__new__(hurting._Games)
+
+    def played(tree, world, episodes, seed):
+        return Evaluation(
+            np.full(episodes, 25.0 if tree == "never" else 80.0), np.ones(episodes),
+            np.full(episodes, "end"), None if tree == "never" else np.ones(episodes, dtype=bool),
+        )  # fmt: skip
+
+    monkeypatch.setattr(hurting, "evaluate", played)
+    monkeypatch.setattr(hurting._Games, "_count", lambda self, episodes: None)
+    games._seed, games.world, games.reports = 0, None, True
+    assert games.best(["never", "always"], 1, 200) == (1,)
+    assert not games.is_better("never", "always", 1, 0.05)
+    assert games.is_better("always", "never", 1, 0.05)

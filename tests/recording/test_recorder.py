@@ -238,3 +238,21 @@ def test_nothing_is_made_for_what_cannot_be_seen(tmp_path) -> None:
     with pytest.raises(InvalidArgumentError, match="env must be made with render_mode"):
         Recorder(env, tmp_path / "demos")
     assert not (tmp_path / "demos").exists()
+
+
+class SometimesMasked(Corridor):
+    """Says what is allowed after every other step."""
+
+    def step(self, action):
+        *answer, info = super().step(action)
+        said = {"action_mask": np.array([1, 0, 1], dtype=np.int8)} if self.steps % 2 else {}
+        return *answer, info | said
+
+
+def test_masks_that_are_said_at_some_steps_alone_are_stored(tmp_path) -> None:
+    """The episode was lost at its end, and its folder could not be opened again."""
+    person, recorder = person_in(tmp_path / "demos", SometimesMasked())
+    person.walk().tap("escape")
+    recorder.close()
+    (stored,) = Demonstrations.load(tmp_path / "demos").episodes
+    assert stored.allowed[:4].tolist() == [[True] * 3, [True, False, True]] * 2

@@ -105,3 +105,13 @@ def test_each_place_pays_one_in_all_for_each_pair_of_features(d):
     seen = [[tuple(cell[i] for i in grid) for cell in cells] for grid in grids]
     naive = [sum(1 / of_grid.count(of_grid[k]) for of_grid in seen) for k in range(300)]
     np.testing.assert_allclose(paid_for_places(known).rewards, naive)
+
+
+def test_an_episode_that_somebody_stopped_early_is_no_time_limit():
+    """Twenty whole episodes and three steps of another were planned for three steps ahead."""
+    whole = [episode(*range(21), terminated=True) for _ in range(3)]
+    stopped = episode(0, 1, 2, 3, terminated=False)
+    limited = episode(*range(31), terminated=False)
+    assert transitions().followed_by(whole).horizon() == 40
+    assert transitions().followed_by([*whole, stopped]).horizon() == 40
+    assert transitions().followed_by([*whole, stopped, limited]).horizon() == 30

@@ -1,6 +1,6 @@
 """``eutree demos``: look at demonstrations, edit them, check them, exchange them."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from contextlib import closing
 from dataclasses import replace
 from functools import partial
@@ -16,7 +16,7 @@ from eutree.cli.fit import hurting
 from eutree.data import DemonstrationFolder, Demonstrations, Episode, LogFormat, derive
 from eutree.data.csv_files import MAX_CSV, read_csv
 from eutree.data.episode import DROPPED, TAUGHT
-from eutree.data.log_format import KNOWN, order_of, seconds_of
+from eutree.data.log_format import KNOWN, seconds_of
 from eutree.display import counted
 from eutree.errors import InvalidArgumentError, blamed
 from eutree.files import check_writable, read_bytes, write_text
@@ -24,8 +24,8 @@ from eutree.interaction import GuardedEnv
 from eutree.interaction.episode import environment_for
 from eutree.interaction.episode import replay as replay_all
 from eutree.interaction.making import make
-from eutree.interaction.names import Names, given_names, kinds_of
-from eutree.schema import EnvironmentSpec, Feature, Schema
+from eutree.interaction.names import Names, as_named, given_names, kinds_of
+from eutree.schema import EnvironmentSpec, Schema
 from eutree.trees.text import labelled
 
 _OWN = ("episode", "action", "reward", "allowed")  # columns that may have other names
@@ -138,6 +138,7 @@ def rename(folder: Path, names: Path) -> Result:
 @_folder
 @click.argument("number", type=int)
 @click.option("--window", is_flag=True, help="Run it again and show it in a window.")
+@option.module
 def replay(folder: Path, number: int, window: bool) -> Result:
     """Show the episode NUMBER of FOLDER step by step."""
     opened = DemonstrationFolder(folder)
@@ -212,6 +213,7 @@ def merge(folders: tuple[Path, ...], out: Path) -> Result:
         say(f"warning: {counted(twice, 'episode')} of these repeat another one, bit for bit")
     experts = ", ".join(dict.fromkeys(folder.expert for folder in opened if folder.expert))
     merged = Demonstrations(episodes, opened[0].schema, opened[0].environment, experts)
+    _check_kinds(merged.schema, merged.episodes)
     merged.save(out)
     return _written(merged, str(out))
 
@@ -261,6 +263,9 @@ def stats(folder: Path, html: Path | None) -> Result:
               help="Its form, '%d.%m.%Y %H:%M', where it is not seconds or ISO 8601.")  # fmt: skip
 @click.option("--episode-gap", metavar="SPAN", help="A pause that ends an episode: 90s, 1h.")
 @click.option("--one-episode", is_flag=True, help="All rows are one episode.")
+@click.option("--ends-in-place", is_flag=True,
+              help="Keep the last action of an episode that terminated, as if it had ended where "
+              "that was taken, if no row follows.")  # fmt: skip
 @click.option("--actions", metavar="NAME,NAME,...", help="The actions, in order.")
 @option.environment
 def import_(
@@ -290,7 +295,9 @@ def import_(
         actions=() if actions is None else tuple(name.strip() for name in actions.split(",")),
         **log,
     )
-    if kind != "csv" and (columns or delimiter is not None or log_format != LogFormat()):
+    in_place: dict[str, Any] = {"ends_in_place": log_format.ends_in_place} if kind == "npz" else {}
+    given = columns or delimiter is not None or log_format != LogFormat(**in_place)
+    if kind != "csv" and given:
         raise InvalidArgumentError(f"columns and --delimiter are for a file .csv, got {source!r}")
     if environment is None and env_arguments:
         raise InvalidArgumentError(f"arguments need --env, got {', '.join(env_arguments)}")
@@ -305,52 +312,25 @@ def import_(
     elif kind == "csv":
         table = partial(read_csv, source, columns=columns, delimiter=delimiter, log=log_format)
         episodes, schema, rows["filled"], rows["left out"] = table(known.get("schema"))
-        if not known and (ordered := _as_named(schema, names)) != schema:
+        if not known and (ordered := as_named(schema, names)) != schema:
             episodes, schema, *_ = table(ordered)
         with blamed(source):
             loaded = Demonstrations(episodes, schema, known.get("environment"), Path(source).stem)
     else:
-        loaded = Demonstrations.from_npz(source, **known)
+        loaded = Demonstrations.from_npz(source, **in_place, **known)
     if not any(map(len, loaded.episodes)):
         raise InvalidArgumentError(
             f"{source} holds no transition: that takes two rows of an episode, the second of which "
             "is what the first one's action led to"
         )
     if names is not None:
-        _as_named(loaded.schema, names)  # refuses names of which only some stand elsewhere
+        as_named(loaded.schema, names)  # refuses names of which only some stand elsewhere
         loaded = replace(loaded, schema=names.of(loaded.schema, f"those in {source}"))
     _check_kinds(loaded.schema, loaded.episodes)
     if names is not None and names.derived and not loaded.schema.derived:
         loaded = derive(loaded, names.derived)
     loaded.save(out)
     return _written(loaded, str(out), **rows)
-
-
-def _as_named(schema: Schema, names: Names | None) -> Schema:
-    """Return a schema with features and actions in the order of names, where these are its own.
-
-    Raises:
-        InvalidArgumentError: Some of them are, and at other places.
-    """
-    if names is None or len(names.features) not in (0, len(schema.measured.features)):
-        return schema  # which the number of names does not fit
-    features, actions = schema.measured.features, schema.actions
-    if names.features:
-        named = Schema(tuple(map(Feature.from_label, names.features)), actions)
-        features = tuple(features[k] for k in order_of(features, named, renames=True))
-    labels = names.features or [feature.name for feature in features]
-    features = tuple(map(partial(_coded, names.kinds), labels, features))
-    if sorted(names.actions) == sorted(actions) and not schema.controls:
-        actions = names.actions
-    return replace(schema, features=(*features, *schema.derived), actions=actions)
-
-
-def _coded(kinds: Mapping[str, Any], label: str, feature: Feature) -> Feature:
-    """Return a feature with its categories in the order of those declared, if it has no others."""
-    declared, known = kinds.get(Feature.from_label(label).name), feature.categories
-    if not known or not isinstance(declared, tuple) or not set(known) <= set(declared):
-        return feature
-    return replace(feature, high=feature.low + len(declared) - 1, categories=declared)
 
 
 def _check_kinds(schema: Schema, episodes: Iterable[Episode]) -> None:
@@ -453,9 +433,10 @@ def _show(folder: DemonstrationFolder, episode: Episode) -> None:
     """Run an episode again in a window."""
     shown = Demonstrations((episode,), folder.schema, folder.environment)
     with closing(environment_for(shown, render_mode="human")) as env:
-        env.reset(seed=episode.seed)
+        guarded = GuardedEnv(env)
+        guarded.reset(episode.seed)
         for action in episode.actions.tolist():
-            env.step(action)
+            guarded.step(action)
 
 
 def _table(rows: dict[int, Episode], title: str) -> Any:
@@ -481,7 +462,8 @@ def _table(rows: dict[int, Episode], title: str) -> Any:
 
 def _written(demonstrations: Demonstrations, path: str, **rows: int) -> Result:
     cut = [episode for episode in demonstrations.episodes if DROPPED in episode.extras]
-    lost = ", so what it earned counts nowhere" if any(one.has_rewards for one in cut) else ""
+    lost = ", so what it earned counts nowhere (but see --ends-in-place)"
+    lost = lost if any(one.has_rewards for one in cut) else ""
     said = {f"; {counted(n, 'row')} with empty cells {fate}": n for fate, n in rows.items()}
     last = f"; the last action of {counted(len(cut), 'episode')} is left out"
     said[f"{last}: nothing says what it led to{lost}"] = len(cut)

@@ -8,12 +8,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+import numpy as np
 
 from eutree.cli import _options as option
 from eutree.cli._output import Result, figures_of, progress, said_what_is_played
 from eutree.cli._policies import OWN, check_fits, controller, load_demonstrations, load_policy
 from eutree.cli.parts import cluster, workers_options
 from eutree.data import DemonstrationFolder
+from eutree.data.episode import AGAIN, CUT
 from eutree.display import counted, fixed
 from eutree.errors import InvalidArgumentError
 from eutree.evaluation import Evaluation
@@ -69,6 +71,9 @@ def fit(
     demos = load_demonstrations(demonstrations)
     check_writable(out)
     env = demos.environment.override(env_arguments) if demos.environment else None
+    if env_arguments and env is None:
+        named = ", ".join(env_arguments)
+        raise InvalidArgumentError(f"{demonstrations} names no environment to give {named} to")
     less = "; --episodes 20 plays a tenth of the default, --episodes 0 nothing"
     plays = said_what_is_played(4 * options["episodes"], less=less)  # a race, then the verdict
     with progress("", 1) as line, plays:
@@ -114,6 +119,8 @@ def hurting(
     from eutree.fitting import find_hurting
 
     opened = DemonstrationFolder(folder)
+    if undo and out is not None:
+        raise InvalidArgumentError(f"--undo changes {folder} itself, and takes no --out; got {out}")
     if undo:
         return _restore(opened)
     numbers, demos = list(opened.read_all()), load_demonstrations(folder)
@@ -146,7 +153,10 @@ def _restore(opened: DemonstrationFolder) -> Result:
     opened.recover()
     changed = []
     for number, episode in opened.read_all().items():
-        whole = episode.teaching(episode.actions)
+        taught = episode.actions.copy()
+        if episode.extras.get(AGAIN):  # shown from a segment on: what led there is not taught
+            taught[np.cumprod(episode.taught == CUT, dtype=bool)] = CUT
+        whole = episode.teaching(taught)
         if not whole.equals(episode):
             opened.write(number, whole)
             changed.append(number)

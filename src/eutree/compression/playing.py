@@ -272,21 +272,20 @@ class CommonEpisodes(PairedEpisodes):
         n = n or self.n
         touched = [self._departs(challenger, n) for challenger in challengers]
         which = np.repeat(np.arange(len(challengers)), [one.size for one in touched])
-        own = self.outcome.successes
-        found = [
-            Outcome(self.returns[:n].copy(), None if own is None else own[:n].copy())
-            for _ in challengers
-        ]
+        own, counted = self.outcome, self.outcome.counted_successes
+        played, episodes = Outcome(np.empty(0), None), np.empty(0, np.intp)
         if which.size:
             episodes = np.concatenate(touched)
             played, _ = self.ground.play(challengers, which, self._begin + episodes)
-            for number, one in enumerate(found):
-                mine = which == number
-                one.returns[episodes[mine]] = played.returns[mine]
-                if one.successes is not None and played.successes is not None:
-                    one.successes[episodes[mine]] = played.successes[mine]
-                elif mine.any():  # an episode said nothing: how many succeed is not known
-                    found[number] = Outcome(one.returns, None)
+        found = []
+        for number in range(len(challengers)):
+            mine = which == number
+            returns, successes = self.returns[:n].copy(), counted[:n].copy()
+            returns[episodes[mine]] = played.returns[mine]
+            successes[episodes[mine]] = played.counted_successes[mine]
+            # Where successes alone are reported, an episode that says nothing was none.
+            silent = own.successes is None or (played.successes is None and not successes.any())
+            found.append(Outcome(returns, None if silent else successes))
         return found
 
     def _departs(self, challenger: TreePolicy, n: int) -> Integers:

@@ -355,8 +355,11 @@ class _Table:
             with blamed(path, "line 1"):
                 self._order = order_of(tuple(self._made_features()), schema)
         by_name = bool(self._log.actions) or are_quantities({*texts}, self._names)
+        asked, wanted = self._log.actions, ", ".join(schema.actions)
         with blamed(path, "action"):
-            numbers = [action_of(text, schema, by_name) for text in texts]
+            if asked and {*asked} != {*schema.actions}:
+                raise InvalidArgumentError(f"--actions must be {wanted}, in the log's order")
+            numbers = [action_of(_named(text, asked), schema, by_name) for text in texts]
             for text, name in self._names.items():
                 meant = schema.actions[numbers[texts.index(text)]]
                 if name in schema.actions and name != meant:
@@ -425,29 +428,37 @@ class _Table:
         return np.hstack(columns)[:, self._order]
 
     def _episode(self, group: _EpisodeRows, numbers_of_codes: Integers, masks: Booleans) -> Episode:
-        facts = group.facts
         actions = numbers_of_codes[np.frombuffer(group.actions, dtype=np.int64)]
         dropped = bool(group.last_row["action"])  # where the last action led is not in the table
+        observations = self._observations(group)
+        if dropped and self._log.ends_in_place and group.ends[1][0]:
+            observations, dropped = np.concatenate([observations, observations[-1:]]), False
         count = len(actions) - dropped
         terminated, truncated = group.ends[0] if dropped else group.ends[1]
         allowed = masks[np.frombuffer(group.masks, dtype=np.int64)[:count]]
-        seed = facts.get("seed", "")
+        seed = group.facts.get("seed", "")
         if seed and not _SEED.fullmatch(seed):
             raise InvalidArgumentError(f"seed must be an integer >= 0, got {seed!r}")
         return Episode(
-            self._observations(group),
+            observations,
             actions[:count],
             np.frombuffer(group.rewards)[:count],
             terminated=terminated,
             truncated=truncated,
             seed=int(seed) if seed else None,
-            ending=facts.get("ending", ""),
-            is_success=truth(facts, "is_success"),
-            kept=truth(facts, "kept") is not False,
+            ending=group.facts.get("ending", ""),
+            is_success=truth(group.facts, "is_success"),
+            kept=truth(group.facts, "kept") is not False,
             has_rewards=group.has_rewards,
             steps={} if allowed.all() else {ALLOWED: allowed},
             extras={DROPPED: int(actions[-1])} if dropped else {},
         )
+
+
+def _named(text: str, names: Sequence[str]) -> str:
+    """Return the name of an action that the log has as its number among them."""
+    is_number = text not in names and INDEX.fullmatch(text) and int(text) < len(names)
+    return names[int(text)] if is_number else text
 
 
 def write_csv(path: str | Path, episodes: Sequence[Episode], schema: Schema) -> None:

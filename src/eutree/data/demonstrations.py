@@ -227,11 +227,16 @@ class Demonstrations(Displayed, Frozen):
         *,
         schema: Schema | None = None,
         environment: EnvironmentSpec | None = None,
+        ends_in_place: bool = False,
     ) -> "Demonstrations":
-        """Read arrays saved by imitation or Stable-Baselines, without pickle; see docs/formats."""
+        """Read arrays saved by imitation or Stable-Baselines, without pickle; see docs/formats.
+
+        ``ends_in_place`` keeps the last action of an episode that terminated, if no observation
+        follows, as if it had ended where that was taken.
+        """
         from eutree.data.npz_files import read_npz
 
-        episodes, n_features = read_npz(path)
+        episodes, n_features = read_npz(path, ends_in_place)
         with blamed(path):
             schema = schema_for(episodes, n_features, schema)
             return cls(episodes, schema, environment, Path(path).stem)

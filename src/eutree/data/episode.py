@@ -33,6 +33,7 @@ SPOILT = 2  # steps before a person stepped in, or before a failure, that nobody
 ALLOWED = "allowed"  # of ``steps``: which actions were allowed, [T, A]
 TAUGHT = "taught"  # of ``steps``: which action is to be imitated, [T]; ``CUT`` for none
 CUT = -1
+AGAIN = "shown_again"  # of an episode's ``extras``: it went on from a segment of another one
 
 
 def masks_of(rows: Sequence[Booleans | None]) -> Booleans | None:
@@ -253,6 +254,7 @@ def episodes_from_rows(
     terminated: ArrayLike | None = None,
     truncated: ArrayLike | None = None,
     action_masks: ArrayLike | None = None,
+    ends_in_place: bool = False,
 ) -> tuple[Episode, ...]:
     """Return the episodes in flat rows; see ``Demonstrations.from_arrays``."""
     before = check_observations("observations", observations)
@@ -275,7 +277,8 @@ def episodes_from_rows(
     masks = None if action_masks is None else np.asarray(action_masks, dtype=bool)
     if masks is not None and masks.shape[:-1] != (n,):
         raise InvalidArgumentError(f"action_masks must be of shape ({n}, A), got {masks.shape}")
-    cut = partial(_episode, before, after, chosen, earned, ends, masks=masks)
+    parts = partial(_episode, before, after, chosen, earned, ends)
+    cut = partial(parts, masks=masks, in_place=ends_in_place)
     made = (cut(slice(*span)) for span in spans)
     known = rewards is not None
     return tuple(replace(episode, has_rewards=known) for episode in made if len(episode))
@@ -319,6 +322,7 @@ def _episode(
     rows: slice,
     *,
     masks: Booleans | None,
+    in_place: bool,
 ) -> Episode:
     """Return the episode in some rows; refuse rows that contradict each other."""
     terminated, truncated = (flags[rows] for flags in ends)
@@ -327,7 +331,10 @@ def _episode(
             f"rows {rows.start} to {rows.stop - 1} must be one episode, but it ends before the last"
         )
     observations, kept = before[rows], rows
-    if after is None:
+    cut_short = after is None  # the step that ended the episode is the one that is dropped
+    if after is None and in_place and terminated[-1]:
+        observations, cut_short = np.concatenate([observations, observations[-1:]]), False
+    elif after is None:
         kept = slice(rows.start, rows.stop - 1)
     elif np.array_equal(after[rows][:-1], observations[1:]):
         observations = np.concatenate([observations, after[rows][-1:]])
@@ -337,7 +344,6 @@ def _episode(
             f"they differ in rows {rows.start} to {rows.stop - 1}"
         )
     is_terminated, is_truncated = bool(terminated[-1]), bool(truncated[-1])
-    cut_short = after is None  # the step that ended the episode is the one that is dropped
     return Episode(
         observations,
         actions[kept],

@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from eutree.data.episode import Episode
+from eutree.data.episode import ALLOWED, Episode, masks_of
 from eutree.errors import FileError, FormatError, InvalidArgumentError, blamed
 from eutree.files import Document, atomic
 from eutree.files.documents import decode_document, encode_document
@@ -47,7 +47,8 @@ def _records(data: bytes) -> Iterator[bytes]:
     while place + _PREFIX.size <= len(data):
         length, checksum = _PREFIX.unpack_from(data, place)
         payload = data[place + _PREFIX.size : place + _PREFIX.size + min(length, MAX_RECORD)]
-        if len(payload) != length or zlib.crc32(payload) != checksum:
+        # A power cut leaves zeros: of no bytes, with the checksum of none.
+        if not length or len(payload) != length or zlib.crc32(payload) != checksum:
             return
         yield payload
         place += _PREFIX.size + length
@@ -192,6 +193,8 @@ def recover_episode(path: str | Path) -> Episode | None:
         FileError: The file is missing or cannot be read.
     """
     data = atomic.read_bytes(path, limit=MAX_JOURNAL)
+    if not any(data):  # nothing, or zeros: a power cut came before the first flush
+        return None
     if data[: len(MAGIC)] != MAGIC[: len(data)]:
         raise FormatError(path, "byte 0", f"not a journal: must begin with {MAGIC.decode()}")
     records = _records(data)
@@ -217,7 +220,7 @@ def recover_episode(path: str | Path) -> Episode | None:
             truncated=steps.truncated,
             seed=header.seed,
             ending=INTERRUPTED,
-            steps={name: _column(name, steps.values[name]) for name in sorted(steps.values)},
+            steps=steps.columns(),
             extras=header.extras,
         )
 
@@ -232,25 +235,34 @@ class _Steps:
         self.rewards = array("d")
         self.terminated = self.truncated = False
         self.values: dict[str, list[StepValue]] = {}
+        self.masks: list[StepValue | None] = []  # None where all is allowed
 
     def add(self, step: _Step) -> None:
         """Add a step, or raise ValueError with its fault."""
+        measured = dict(step.steps)
+        self.masks.append(measured.pop(ALLOWED, None))
         if not self.actions:
-            self.values = {name: [] for name in step.steps}
+            self.values = {name: [] for name in measured}
         if self.terminated or self.truncated:
             raise ValueError("the episode ended before this step")
         if len(step.observation) != self.size or not all(map(math.isfinite, step.observation)):
             raise ValueError(f"observation must hold {self.size} finite numbers")
         if not math.isfinite(step.reward):
             raise ValueError(f"reward must be finite, got {step.reward}")
-        if step.steps.keys() != self.values.keys() or len(self.values) > MAX_STEP_VALUES:
+        if measured.keys() != self.values.keys() or len(self.values) > MAX_STEP_VALUES:
             raise ValueError(f"must measure {sorted(self.values)}, at most {MAX_STEP_VALUES}")
-        for name, value in step.steps.items():
+        for name, value in measured.items():
             self.values[name].append(value)
         self.observations.extend(step.observation)
         self.actions.append(step.action)
         self.rewards.append(step.reward)
         self.terminated, self.truncated = step.terminated, step.truncated
+
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """Return what was measured at each step, by name."""
+        found = {name: _column(name, self.values[name]) for name in sorted(self.values)}
+        allowed = masks_of([None if one is None else np.array(one) for one in self.masks])
+        return found if allowed is None else {ALLOWED: allowed} | found
 
 
 def _column(name: str, values: list[Any]) -> NDArray[Any]:

@@ -50,6 +50,8 @@ class LogFormat:
         time_format: Its form as ``datetime.strptime`` has it, where it is another.
         episode_gap: Seconds between two rows after which a new episode begins.
         one_episode: All rows are one episode.
+        ends_in_place: An episode that terminated keeps the last action that no row follows: it
+            ended where that was taken, as far as is known.
         actions: Names of the actions in the order of their indices, where the order matters.
     """
 
@@ -60,6 +62,7 @@ class LogFormat:
     time_format: str = ""
     episode_gap: float | None = None
     one_episode: bool = False
+    ends_in_place: bool = False
     actions: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:

@@ -34,8 +34,10 @@ _ALIASES = {
 _Arrays = dict[str, NDArray[Any]]
 
 
-def read_npz(path: str | Path) -> tuple[tuple[Episode, ...], int]:
+def read_npz(path: str | Path, ends_in_place: bool = False) -> tuple[tuple[Episode, ...], int]:
     """Return the episodes in a file, and their number of features.
+
+    ``ends_in_place`` is as in ``Demonstrations.from_npz``.
 
     Raises:
         FormatError: The file has none of the layouts, or its arrays contradict each other.
@@ -63,8 +65,9 @@ def read_npz(path: str | Path) -> tuple[tuple[Episode, ...], int]:
         if key in arrays and arrays[key].ndim == 1:
             arrays[key] = arrays[key][:, np.newaxis]
     with blamed(path, errors=(InvalidArgumentError, IndexError)):
-        read = _trajectories if "indices" in arrays else _rows
-        return read(arrays), int(arrays["obs"].shape[1])
+        many = "indices" in arrays
+        read = _trajectories(arrays) if many else _rows(arrays, ends_in_place)
+        return read, int(arrays["obs"].shape[1])
 
 
 def write_npz(path: str | Path, episodes: tuple[Episode, ...], n_features: int) -> None:
@@ -96,7 +99,7 @@ def write_npz(path: str | Path, episodes: tuple[Episode, ...], n_features: int) 
     write_arrays(path, {name: array for name, array in arrays.items() if known or name != "rews"})
 
 
-def _rows(arrays: _Arrays) -> tuple[Episode, ...]:
+def _rows(arrays: _Arrays, ends_in_place: bool) -> tuple[Episode, ...]:
     dones, terminated, truncated = map(arrays.get, ("dones", "terminations", "truncations"))
     if dones is not None:  # an end is of the one kind or of the other
         if terminated is None:
@@ -117,6 +120,7 @@ def _rows(arrays: _Arrays) -> tuple[Episode, ...]:
         terminated=terminated,
         truncated=truncated,
         action_masks=arrays.get("masks"),
+        ends_in_place=ends_in_place,
     )
 
 

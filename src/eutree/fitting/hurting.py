@@ -235,6 +235,7 @@ def find_hurting(
     check_seed(seed)
     with opened(env) as given:
         games = _Games(acting_as(given, demonstrations), seed, on_progress)
+        games.reports = any(one.is_success for one in demonstrations.kept)
         entrants = promising(fitted_trees(demonstrations, settings=SETTINGS, histories=(0, 1)), 8)
         games.begin("choosing", 3 * judged)
         chosen = entrants[games.best([one.policy for one in entrants], CHOOSING, 3 * judged)[0]]
@@ -242,12 +243,20 @@ def find_hurting(
 
 
 class _Games(Player):
-    """Plays trees from common starts; of most episodes only the figures are asked for."""
+    """Plays trees from common starts; of most episodes only the figures are asked for.
+
+    Attributes:
+        reports: Whether successes are reported, perhaps of these alone: an episode of which
+            nothing is said was then none.
+    """
+
+    reports = False
 
     def figures(self, tree: TreePolicy, block: int, episodes: int, first: int = 0) -> Evaluation:
         """Return the result of a tree from so many starts of a block, the same for every tree."""
         seed = episode_seed(episode_seed(self._seed, block, Stream.FITTING), first)
         found = evaluate(tree, self.world, episodes=episodes, seed=seed)
+        self.reports = self.reports or found.successes is not None
         self._count(episodes)
         return found
 
@@ -263,17 +272,16 @@ class _Games(Player):
     def is_better(self, tree: TreePolicy, than: TreePolicy, block: int, error: float) -> bool:
         """Return whether a tree is shown to do better than another on fresh episodes."""
         pair = (than, tree)
-        known = None if self.figures(than, block, 1).successes is None else (0.0, 1.0)
+        self.figures(than, block, 1)
+        known = (0.0, 1.0) if self.reports else None
         rule = Better(error=error, most=MOST_PAIRS, known=known)
         return hold(rule, new_table(2, rule.most), self._runner(pair, block)).shown
 
     def _runner(self, trees: Sequence[TreePolicy], block: int) -> Run:
         def run(tree: int, starts: Sequence[int]) -> Floats:
             found = self.figures(trees[tree], block, len(starts), starts[0])
-            if found.successes is None:
-                return found.returns
-            worths: Floats = found.successes + TIE * found.returns
-            return worths
+            worths: Floats = found.counted_successes + TIE * found.returns
+            return worths if self.reports else found.returns
 
         return run
 

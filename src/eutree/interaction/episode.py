@@ -245,7 +245,7 @@ def _replay_episode(number: int, episode: Episode, env: GuardedEnv) -> ReplayRes
         for step in range(len(episode)):
             if problem := _step_difference(episode, step, env):
                 return ReplayResult(number, step, f"at step {step}: {problem}")
-    except EnvironmentFault as error:
+    except (EnvironmentFault, InvalidArgumentError) as error:  # an action that is masked now
         return ReplayResult(number, env.step_number, str(error))
     return ReplayResult(number, len(episode), "")
 

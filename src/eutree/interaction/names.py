@@ -13,9 +13,11 @@ that has names of its own. Of derived features
                "green": ["green north", "green south"]}}
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -154,3 +156,32 @@ def named(names: Names) -> Iterator[None]:
 def given_names() -> Names | None:
     """Return the names that environments get now."""
     return _given.get()
+
+
+def as_named(schema: Schema, names: Names | None) -> Schema:
+    """Return a schema with features and actions in the order of names, where these are its own.
+
+    Raises:
+        InvalidArgumentError: Some of them are, and at other places.
+    """
+    from eutree.data.log_format import order_of
+
+    if names is None or len(names.features) not in (0, len(schema.measured.features)):
+        return schema  # which the number of names does not fit
+    features, actions = schema.measured.features, schema.actions
+    if names.features:
+        named = Schema(tuple(map(Feature.from_label, names.features)), actions)
+        features = tuple(features[k] for k in order_of(features, named, renames=True))
+    labels = names.features or [feature.name for feature in features]
+    features = tuple(map(partial(_coded, names.kinds), labels, features))
+    if sorted(names.actions) == sorted(actions) and not schema.controls:
+        actions = names.actions
+    return replace(schema, features=(*features, *schema.derived), actions=actions)
+
+
+def _coded(kinds: Mapping[str, Any], label: str, feature: Feature) -> Feature:
+    """Return a feature with its categories in the order of those declared, if it has no others."""
+    declared, known = kinds.get(Feature.from_label(label).name), feature.categories
+    if not known or not isinstance(declared, tuple) or not set(known) <= set(declared):
+        return feature
+    return replace(feature, high=feature.low + len(declared) - 1, categories=declared)

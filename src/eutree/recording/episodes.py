@@ -11,7 +11,7 @@ import numpy as np
 
 from eutree.arrays import Floats
 from eutree.data import Episode
-from eutree.data.episode import ALLOWED, CUT, TAUGHT
+from eutree.data.episode import AGAIN, ALLOWED, CUT, TAUGHT, masks_of
 from eutree.interaction import GuardedEnv, episode_seed
 from eutree.interaction.episode import Stream, ending_of, success_of
 from eutree.recording.events import (
@@ -96,6 +96,10 @@ class Trial:
     def finish(self, ending: str = "") -> Episode:
         """Return the episode; ``ending`` where the environment has not ended it."""
         self.is_over, rows, last = True, self._rows, self._rows[-1]
+        names = [name for name in rows[0].steps if name != ALLOWED]
+        steps = {name: np.array([row.steps[name] for row in rows]) for name in names}
+        masks = [row.steps.get(ALLOWED) for row in rows]  # an environment may say some alone
+        allowed = masks_of([None if one is None else np.array(one) for one in masks])
         return Episode(
             observations=np.array([self._first, *(row.observation for row in rows)]),
             actions=np.array([row.action for row in rows], dtype=np.int64),
@@ -105,12 +109,9 @@ class Trial:
             seed=self.seed,
             ending=ending or ending_of(self._info, terminated=last.terminated),
             is_success=None if ending else success_of(self._info),
-            steps={name: np.array([row.steps[name] for row in rows]) for name in rows[0].steps},
+            steps=steps if allowed is None else {**steps, ALLOWED: allowed},
             extras={**self.extras, "edges": self._edges},
         )
-
-
-AGAIN = "shown_again"  # of an episode's ``extras``: it went on from a segment of another one
 
 
 class Recording:

@@ -28,11 +28,12 @@ from collections.abc import Callable, Collection, Iterable, Sequence
 from typing import ClassVar
 
 from eutree.data import Episode
+from eutree.data.episode import AGAIN
 from eutree.errors import EnvironmentFault, InvalidArgumentError
 from eutree.interaction import GuardedEnv
 from eutree.recording.controls import QUICK, SPEEDS, Controls, Pace, frames_per_second, takes_turns
 from eutree.recording.driving import Driving
-from eutree.recording.episodes import AGAIN, Lessons, Recording
+from eutree.recording.episodes import Lessons, Recording
 from eutree.recording.events import (
     ActionView,
     Away,

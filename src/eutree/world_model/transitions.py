@@ -122,9 +122,13 @@ class Transitions:
         return float(self.episode_lengths.mean())
 
     def horizon(self) -> int:
-        """Return the longest truncated episode's length, or twice the longest's if none was cut."""
+        """Return the longest episode's length where it was cut, or else twice that.
+
+        One that is shorter than another was not cut by a limit: somebody stopped it.
+        """
         lengths, cut = self.episode_lengths, ~self.terminated[self.last]
-        return int(lengths[cut].max() if cut.any() else 2 * lengths.max())
+        longest = int(lengths.max())
+        return longest if lengths[cut].max(initial=0) == longest else 2 * longest
 
     def longest(self) -> int:
         """Return the longest episode's length."""
