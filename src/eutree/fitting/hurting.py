@@ -239,6 +239,7 @@ def find_hurting(
         entrants = promising(fitted_trees(demonstrations, settings=SETTINGS, histories=(0, 1)), 8)
         games.begin("choosing", 3 * judged)
         chosen = entrants[games.best([one.policy for one in entrants], CHOOSING, 3 * judged)[0]]
+        games.reports = games.reported  # a log may know what the environment does not say
         return _Search(demonstrations, chosen, games, episodes, judged).run(most)
 
 
@@ -248,15 +249,17 @@ class _Games(Player):
     Attributes:
         reports: Whether successes are reported, perhaps of these alone: an episode of which
             nothing is said was then none.
+        reported: Whether one was, so far.
     """
 
-    reports = False
+    reports = reported = False
 
     def figures(self, tree: TreePolicy, block: int, episodes: int, first: int = 0) -> Evaluation:
         """Return the result of a tree from so many starts of a block, the same for every tree."""
         seed = episode_seed(episode_seed(self._seed, block, Stream.FITTING), first)
         found = evaluate(tree, self.world, episodes=episodes, seed=seed)
-        self.reports = self.reports or found.successes is not None
+        self.reported = self.reported or found.successes is not None
+        self.reports = self.reports or self.reported
         self._count(episodes)
         return found
 
