@@ -5,9 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from eutree.data import Episode
+from eutree.data import Demonstrations, Episode
 from eutree.evaluation import off_policy
-from eutree.evaluation.log_gains import FittedLog, cuts
+from eutree.evaluation.log_gains import FittedLog, Gains, cuts
 from eutree.evaluation.off_policy import FEWEST_HELD_OUT, Judge, hold_out
 from eutree.policies import TreePolicy
 from eutree.schema import Schema
@@ -321,3 +321,48 @@ def test_the_chances_of_masked_actions_are_those_among_the_allowed():
     told = np.concatenate([fitted.told(one).chances for one, _ in log])
     assert np.abs(told - np.concatenate([chances for _, chances in log])).mean() < 0.02
     assert not told[~np.concatenate([one.allowed for one, _ in log])].any()
+
+
+def lasting(first, n, ended=True):
+    """Return an episode of n steps of -1 in which an action decides at the first one."""
+    places = np.column_stack([np.arange(n + 1.0), np.full(n + 1, float(first))])
+    places[0, 1] = 0.5
+    ending = "" if ended else "stopped"
+    actions = [first] + [0] * (n - 1)
+    return Episode(places, actions, -np.ones(n), terminated=ended, truncated=False, ending=ending)
+
+
+def first_action(action):
+    """Return the tree that begins with an action, and goes on with 0."""
+    tree = DecisionTree.single_leaf(2).split(0, 0, 0.5)
+    return TreePolicy(tree, np.array([action, 0]), Schema.anonymous(2, 2))
+
+
+def test_of_an_episode_that_was_stopped_the_worst_is_taken():
+    """Those that a person stopped after 5 of 100 steps of -1 seemed better than 20 steps."""
+    chosen = np.random.default_rng(0).random(300) < 0.5
+    log = [lasting(1, 5, ended=False) if one else lasting(0, 20) for one in chosen.tolist()]
+    shown = Demonstrations(tuple(log), Schema.anonymous(2, 2))
+    found = off_policy.Log.of(shown, first_action(0), (-100.0, 0.0), seed=0)
+    _, judged = found.chosen(first_action(1), discount=0.99)
+    assert judged.gain < -50.0
+    assert not judged.believed
+    unknown = dataclasses.replace(found, return_range=None)
+    assert not unknown.chosen(first_action(1), discount=0.99)[1].believed
+
+
+def test_a_gain_beyond_all_returns_is_no_gain():
+    """Where the log's chances are wrong, weights of 200 made a loss of 10 a gain of 24,000."""
+    judge = Judge(
+        other=first_action(0), known=[], held_out=[lasting(0, 5)] * 4, discount=1.0,
+        generator=np.random.default_rng(0), return_range=(-100.0, 0.0),
+    )  # fmt: skip
+    known = {"gain": 500.0, "predicted": np.nan, "n_held_out": 80}
+    far = off_policy.OffPolicyComparison(low=300.0, most=100.0, **known)
+    assert not far.believed
+    assert "no two returns differ by more than 100" in far.describe()
+    assert off_policy.OffPolicyComparison(low=90.0, most=100.0, **known).believed
+    with pytest.MonkeyPatch.context() as patched:
+        gains = Gains(np.full(4, 500.0), np.full(4, 500.0), -1.0, True, 400)
+        patched.setattr(Judge, "_gains", lambda self, learned: gains)
+        assert judge.of(first_action(1)).most == 100.0

@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 
 from eutree.compression import compress
+from eutree.data import Episode
 from eutree.errors import InvalidArgumentError
-from eutree.learners import DEFAULT, PlanningMethod, Start
+from eutree.learners import DEFAULT, PlanningMethod, Problem, Start, Step
+from eutree.learners.episode_buffer import transitions_of
+from eutree.schema import Schema
 from tests.worlds import Walk, learned_to_walk
 
 QUICK = replace(DEFAULT, planner=replace(DEFAULT.planner, n_episodes=40, min_episodes=5))
@@ -57,3 +60,28 @@ def test_it_has_one_discount_and_only_choices_of_its_own():
     assert names >= {"planner", "exploration", "gathering_episodes", "max_transitions"}
     assert not names & {"discount", "splitter", "significance", "target", "untried_value"}
     assert PlanningMethod().planner.discount == 1.0
+
+
+def test_an_episode_without_a_row_has_no_number():
+    """Returns were those of other episodes, or of none: "index 26 is out of bounds"."""
+    schema = Schema.anonymous(1, 2)
+
+    def shown(n, reward):
+        places, actions = np.linspace(0.0, 1.0, n + 1)[:, None], np.arange(n) % 2
+        return Episode(places, actions, np.full(n, reward), terminated=n > 0, truncated=False)
+
+    start = Start(episodes=(shown(5, 1.0), shown(0, 0.0), shown(5, 2.0)))
+    learner = replace(DEFAULT, max_transitions=100).start(Problem(schema), start)
+    for n, reward in ((10, 1.0), (150, 1.0), (10, 5.0)):
+        learner.start_episode(np.zeros(1), np.random.default_rng(0))
+        for k in range(n):
+            learner.observe(Step(0, reward, np.array([0.2 * k]), k == n - 1, False))
+        if n > 100:
+            with pytest.warns(UserWarning, match="nothing can be learned from it"):
+                learner.end_episode()
+        else:
+            learner.end_episode()
+    earned = transitions_of(learner.history, 2).episode_returns
+    assert earned.tolist() == [5.0, 10.0, 10.0, 50.0]
+    assert learner.plan.demonstrations == 2
+    assert max(learner.plan.incumbent_episodes) < earned.size

@@ -33,6 +33,7 @@ SPOILT = 2  # steps before a person stepped in, or before a failure, that nobody
 ALLOWED = "allowed"  # of ``steps``: which actions were allowed, [T, A]
 TAUGHT = "taught"  # of ``steps``: which action is to be imitated, [T]; ``CUT`` for none
 CUT = -1
+STOPPED, INTERRUPTED = "stopped", "interrupted"  # endings by a person and by a crash
 AGAIN = "shown_again"  # of an episode's ``extras``: it went on from a segment of another one
 
 
@@ -177,6 +178,11 @@ class Episode(Frozen):
         """
         ended = self.terminated or self.truncated
         return ended and self.by_hand is None and not self.extras.get("chosen_start")
+
+    @property
+    def was_stopped(self) -> bool:
+        """Whether a person or a crash ended it: it would have gone on, and earned otherwise."""
+        return not (self.terminated or self.truncated) and self.ending in (STOPPED, INTERRUPTED)
 
     @property
     def taught(self) -> Integers:

@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from eutree.data.episode import ALLOWED, Episode, masks_of
+from eutree.data.episode import ALLOWED, INTERRUPTED, Episode, masks_of
 from eutree.errors import FileError, FormatError, InvalidArgumentError, blamed
 from eutree.files import Document, atomic
 from eutree.files.documents import decode_document, encode_document
@@ -54,7 +54,6 @@ def _records(data: bytes) -> Iterator[bytes]:
         place += _PREFIX.size + length
 
 
-INTERRUPTED = "interrupted"
 MAX_STEP_VALUES = 16
 
 StepValue = bool | int | float | list[bool | int | float]

@@ -192,7 +192,7 @@ class _Differing:
         """Return the episode's estimate of the gain of whole episodes, and the lowest possible one.
 
         The lowest is that of following the one tree to the lowest return, or the other to the
-        highest.
+        highest. That is taken of an episode that was stopped: nobody knows how it would have ended.
         """
         if not self._steps.size:
             return 0.0, 0.0
@@ -202,11 +202,12 @@ class _Differing:
         )
         ours, theirs = (float(np.prod(1.0 / chance)) for _, chance in self._both)
         worst = -max(ours * (expected - limits[0]), theirs * (limits[1] - expected))
-        weight = sum(
-            sign * most * followed.all()
-            for sign, most, (followed, _) in zip((1, -1), (ours, theirs), self._both, strict=True)
+        ends = limits if self._told.episode.was_stopped else (float(rewards.sum()),) * 2
+        gain = sum(
+            weight * followed.all() * (end - expected)
+            for weight, (followed, _), end in zip((ours, -theirs), self._both, ends, strict=True)
         )
-        return float(weight * (rewards.sum() - expected)), worst
+        return float(gain), worst
 
     def deviations(self) -> float:
         """Return the gain of single deviations to one tree over those to the other."""

@@ -67,12 +67,14 @@ class OffPolicyComparison:
     # Steps of that kind that a claim needs: where no known range of returns bounds what is lost, as
     # it never does of single deviations, losses rarer than once in a third of them may be unseen
     needed: int = 0
+    most: float = np.inf  # the widest gain that returns allow
 
     @property
     def believed(self) -> bool:
         """Whether the learned tree is believed to be the better."""
         agreed = np.isnan(self.predicted) or self.predicted > 0.0
-        return bool(self.low > 0.0 and agreed and self.tried >= self.needed)
+        possible = self.low <= self.most
+        return bool(self.low > 0.0 and agreed and possible and self.tried >= self.needed)
 
     def facts(self) -> dict[str, float | int | bool | str | None]:
         """Return the comparison in JSON's types; None where nothing is known."""
@@ -109,6 +111,11 @@ class OffPolicyComparison:
                 f"; in the log it was followed at {counted(self.tried, 'step')} at which they "
                 f"differ, and {self.needed} are needed where the range of returns is not known"
                 f"{'' if whole else ' or bounds nothing, as here'}"
+            )
+        if self.low > self.most:
+            found += (
+                f"; no two returns differ by more than {self.most:.4g}, so the log's chances of "
+                "actions are not known"
             )
         return f"not believed to beat fit ({found}); this is the tree of fit"
 
@@ -156,6 +163,7 @@ class Judge:
             condition=self._condition(found),
             tried=found.tried,
             needed=0 if found.whole and self.return_range is not None else BLIND,
+            most=self._limits[1] - self._limits[0] if found.whole else np.inf,
         )
 
     def chosen(self, learned: TreePolicy) -> tuple[TreePolicy, OffPolicyComparison]:
@@ -190,8 +198,9 @@ class Judge:
     @cached_property
     def _limits(self) -> tuple[float, float]:
         """Lowest and highest return of an episode: as known, and wider if seen wider."""
-        returns = [e.undiscounted_return for e in (*self.known, *self.held_out)]
-        ends = [*returns, *(self.return_range or ())]
+        every = [*self.known, *self.held_out]
+        whole = [episode for episode in every if not episode.was_stopped] or every
+        ends = [*(one.undiscounted_return for one in whole), *(self.return_range or ())]
         return min(ends), max(ends)
 
     @cached_property

@@ -321,7 +321,7 @@ class History:
             self._append = machine_code(_kernels.append_rows, *call)
         columns.size = self._append(*call)
         self.n_seen += steps
-        self.n_episodes += 1
+        self.n_episodes += bool(stored.any())  # else no row has its number
         return stored
 
     def forget(self) -> Integers | None:

@@ -249,17 +249,20 @@ class ModelPlanning:
 
     def end_episode(self) -> None:
         """Store the episode; it is evidence on the tree that acted."""
+        episode = self.history.n_episodes
         store(self.history, self._steps.finish(), generator=self._steps.generator)
-        episode = self.history.n_episodes - 1
-        if self._explores:
-            if self.plan.explorer is not None:
-                self.plan = self.plan.with_explored(episode)
-        else:
-            self.plan = self.plan.with_episode(episode, incumbent=self._proves_itself)
+        if self.history.n_episodes > episode:  # else it was too long to be stored, or empty
+            self.plan = self._told_of(episode)
         kept = self.history.forget()
         if kept is not None:
             self._differ = self._reached = False
             self.plan = self.plan.keeping(kept)
+
+    def _told_of(self, episode: int) -> Planned:
+        """Return the plan with what the episode says of the tree that acted in it."""
+        if not self._explores:
+            return self.plan.with_episode(episode, incumbent=self._proves_itself)
+        return self.plan if self.plan.explorer is None else self.plan.with_explored(episode)
 
     def discard_episode(self) -> None:
         """Forget the episode that is under way."""

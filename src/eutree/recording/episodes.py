@@ -11,7 +11,7 @@ import numpy as np
 
 from eutree.arrays import Floats
 from eutree.data import Episode
-from eutree.data.episode import AGAIN, ALLOWED, CUT, TAUGHT, masks_of
+from eutree.data.episode import AGAIN, ALLOWED, CUT, STOPPED, TAUGHT, masks_of
 from eutree.interaction import GuardedEnv, episode_seed
 from eutree.interaction.episode import Stream, ending_of, success_of
 from eutree.recording.events import (
@@ -28,7 +28,6 @@ from eutree.recording.scenes import Scene
 from eutree.recording.tree_making import HurtView, Segment
 from eutree.recording.views import episode_views
 
-STOPPED = "stopped"
 MAX_EDGES = 20_000
 
 Answer = tuple[Floats, float, bool, bool, dict[str, Any]]
