@@ -9,10 +9,11 @@ import pytest
 from benchmarks.people import TASKS, folder
 
 import eutree
+from eutree.data import Episode
 from eutree.learners.learner import Problem, Start
 from eutree.learners.planning import PlanningMethod
 from eutree.policy_search.planner import Planned, Planner
-from eutree.world_model import leaf_node
+from eutree.world_model import Transitions, leaf_node
 from eutree.world_model.action_trees import packed
 
 PLAIN = PlanningMethod(
@@ -94,6 +95,26 @@ def test_what_was_shown_is_kept_when_the_tree_made_of_it_always_fails():
     learner = after(20, demonstrations, TASKS["evasion"].make())
     assert learner.plan.demonstrations == len(demonstrations.kept) == 15
     assert learner.plan.valid_from == 0
+
+
+def test_what_was_shown_is_kept_where_the_person_stopped_before_the_end():
+    """Thirty steps of -1 seemed a better world than the hundred that lead to the goal."""
+    generator = np.random.default_rng(0)
+
+    def walk(longest):
+        places = np.cumsum(generator.uniform(0.0, 0.2, 400))
+        n = min(longest, int((places < 10.0).sum()) + 1)
+        return Episode(
+            np.append(0.0, places[:n])[:, None], np.ones(n, dtype=np.int64), -np.ones(n),
+            terminated=n < longest, truncated=False,
+        )  # fmt: skip
+
+    for longest in (30, 400):
+        episodes = [walk(longest) for _ in range(10)] + [walk(400) for _ in range(12)]
+        data = Transitions.of(episodes, 2)
+        plan = Planned(packed(1), incumbent_episodes=tuple(range(22)), demonstrations=10)
+        after = Planner().plan(plan, data, np.random.default_rng(0))
+        assert (after.demonstrations, after.valid_from) == (10, 0)
 
 
 def test_what_was_shown_is_forgotten_when_the_opponents_have_become_faster():

@@ -115,3 +115,5 @@ def test_an_episode_that_somebody_stopped_early_is_no_time_limit():
     assert transitions().followed_by(whole).horizon() == 40
     assert transitions().followed_by([*whole, stopped]).horizon() == 40
     assert transitions().followed_by([*whole, stopped, limited]).horizon() == 30
+    told = transitions().followed_by([*whole, stopped, limited]).stopped
+    assert told.tolist() == [False, True, False, False, False, True, False]

@@ -221,9 +221,9 @@ class Planner:
         n, own, returns = plan.demonstrations, plan.own_episodes, data.episode_returns
         if n and own and earned_nothing(data):
             return replace(plan, incumbent_episodes=own, demonstrations=0)
-        shown, earned = returns[:n], returns[list(own)]
+        shown, earned = returns[:n][~data.stopped[:n]], returns[list(own)]
         lead = lead_apart(earned, shown)
-        if not n or len(own) < _FEW_OWN or lead.mean <= _CLEARLY * lead.error:
+        if not shown.size or len(own) < _FEW_OWN or lead.mean <= _CLEARLY * lead.error:
             return plan
         as_shown = data.until(int(np.searchsorted(data.episodes, n)))
         (world,) = _worlds(as_shown, (self.optimism,))

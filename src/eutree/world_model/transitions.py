@@ -122,13 +122,16 @@ class Transitions:
         return float(self.episode_lengths.mean())
 
     def horizon(self) -> int:
-        """Return the longest episode's length where it was cut, or else twice that.
+        """Return the longest episode's length where a limit cut it, or else twice that."""
+        lengths, longest = self.episode_lengths, self.longest()
+        cut = ~self.terminated[self.last] & ~self.stopped
+        return longest if lengths[cut].size else 2 * longest
 
-        One that is shorter than another was not cut by a limit: somebody stopped it.
-        """
-        lengths, cut = self.episode_lengths, ~self.terminated[self.last]
-        longest = int(lengths.max())
-        return longest if lengths[cut].max(initial=0) == longest else 2 * longest
+    @property
+    def stopped(self) -> Booleans:
+        """Whether somebody stopped each episode: it was cut, and shorter than another, [E]."""
+        cut: Booleans = ~self.terminated[self.last]
+        return cut & (self.episode_lengths < self.longest())
 
     def longest(self) -> int:
         """Return the longest episode's length."""
