@@ -152,7 +152,7 @@ def _allowed(
     if least is None:
         return [tree for tree, _ in small]
     if demand.floor is not None or most is not None:
-        least = min(least, max((rate for _, rate in small if rate is not None), default=least))
+        least = min(least, max((rate or 0.0 for _, rate in small), default=least))
     return [tree for tree, rate in small if (rate or 0.0) >= least - demand.success_margin]
 
 

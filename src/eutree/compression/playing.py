@@ -284,8 +284,9 @@ class CommonEpisodes(PairedEpisodes):
             returns[episodes[mine]] = played.returns[mine]
             successes[episodes[mine]] = played.counted_successes[mine]
             # Where successes alone are reported, an episode that says nothing was none.
-            silent = own.successes is None or (played.successes is None and not successes.any())
-            found.append(Outcome(returns, None if silent else successes))
+            silent = mine.any() and played.successes is None and not successes.any()
+            unknown = silent or own.successes is None
+            found.append(Outcome(returns, None if unknown else successes))
         return found
 
     def _departs(self, challenger: TreePolicy, n: int) -> Integers:
