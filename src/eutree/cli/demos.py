@@ -462,8 +462,8 @@ def _table(rows: dict[int, Episode], title: str) -> Any:
 
 def _written(demonstrations: Demonstrations, path: str, **rows: int) -> Result:
     cut = [episode for episode in demonstrations.episodes if DROPPED in episode.extras]
-    lost = ", so what it earned counts nowhere (but see --ends-in-place)"
-    lost = lost if any(one.has_rewards for one in cut) else ""
+    earned = any(one.has_rewards for one in cut)
+    lost = ", so what it earned counts nowhere (but see --ends-in-place)" if earned else ""
     said = {f"; {counted(n, 'row')} with empty cells {fate}": n for fate, n in rows.items()}
     last = f"; the last action of {counted(len(cut), 'episode')} is left out"
     said[f"{last}: nothing says what it led to{lost}"] = len(cut)

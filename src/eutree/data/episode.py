@@ -37,7 +37,7 @@ STOPPED, INTERRUPTED = "stopped", "interrupted"  # endings by a person and by a 
 AGAIN = "shown_again"  # of an episode's ``extras``: it went on from a segment of another one
 
 
-def masks_of(rows: Sequence[Booleans | None]) -> Booleans | None:
+def masks_of(rows: Sequence[ArrayLike | None]) -> Booleans | None:
     """Return which actions were allowed at some steps, shape [T, A]; None where all were."""
     known = next((row for row in rows if row is not None), None)
     if known is None:

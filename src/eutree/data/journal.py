@@ -260,7 +260,7 @@ class _Steps:
     def columns(self) -> dict[str, NDArray[Any]]:
         """Return what was measured at each step, by name."""
         found = {name: _column(name, self.values[name]) for name in sorted(self.values)}
-        allowed = masks_of([None if one is None else np.array(one) for one in self.masks])
+        allowed = masks_of(self.masks)
         return found if allowed is None else {ALLOWED: allowed} | found
 
 

@@ -97,8 +97,7 @@ class Trial:
         self.is_over, rows, last = True, self._rows, self._rows[-1]
         names = [name for name in rows[0].steps if name != ALLOWED]
         steps = {name: np.array([row.steps[name] for row in rows]) for name in names}
-        masks = [row.steps.get(ALLOWED) for row in rows]  # an environment may say some alone
-        allowed = masks_of([None if one is None else np.array(one) for one in masks])
+        allowed = masks_of([row.steps.get(ALLOWED) for row in rows])  # said at some alone, perhaps
         return Episode(
             observations=np.array([self._first, *(row.observation for row in rows)]),
             actions=np.array([row.action for row in rows], dtype=np.int64),

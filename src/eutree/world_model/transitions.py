@@ -123,9 +123,9 @@ class Transitions:
 
     def horizon(self) -> int:
         """Return the longest episode's length where a limit cut it, or else twice that."""
-        lengths, longest = self.episode_lengths, self.longest()
+        longest = self.longest()
         cut = ~self.terminated[self.last] & ~self.stopped
-        return longest if lengths[cut].size else 2 * longest
+        return longest if cut.any() else 2 * longest
 
     @property
     def stopped(self) -> Booleans:
