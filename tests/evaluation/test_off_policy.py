@@ -351,6 +351,61 @@ def test_of_an_episode_that_was_stopped_the_worst_is_taken():
     assert not unknown.chosen(first_action(1), discount=0.99)[1].believed
 
 
+def test_a_choice_that_is_rare_but_free_has_its_chances():
+    """Pruned by errors, a coin tossed in one of 30 steps was likely to 98 %, as the others are."""
+    heads = np.random.default_rng(0).random(300) < 0.5
+    log = [lasting(1, 30) if one else lasting(0, 20) for one in heads.tolist()]
+    fitted = FittedLog(log, 2, 0.99)
+    chances = np.array([fitted.told(episode).chances[0] for episode in log])
+    assert np.abs(chances[:, 1] - heads.mean()).max() < 0.05
+    late = fitted.told(log[0]).chances[5]
+    assert late[0] > 0.99
+
+
+def test_of_a_free_choice_nothing_false_is_believed():
+    """Episodes of -30 or -20, by the toss of a coin: the longer are no gain."""
+    heads = np.random.default_rng(0).random(300) < 0.5
+    log = [lasting(1, 30) if one else lasting(0, 20) for one in heads.tolist()]
+    shown = Demonstrations(tuple(log), Schema.anonymous(2, 2))
+    said = off_policy.Log.of(shown, first_action(0), (-40.0, 0.0), seed=0)
+    _, worse = said.chosen(first_action(1), discount=0.99)
+    assert worse.gain == pytest.approx(-10.0, abs=2.0)
+    assert not worse.believed
+    other = dataclasses.replace(said, expert=first_action(1))
+    _, better = other.chosen(first_action(0), discount=0.99)
+    assert better.gain == pytest.approx(10.0, abs=2.0)
+    assert better.believed
+    assert 5.0 < better.low < 10.0
+
+
+def test_chances_that_change_by_degrees_are_followed():
+    """One leaf holds all places in which an action is likelier than not, if errors prune."""
+    generator = np.random.default_rng(3)
+    places = generator.random((6001, 3))
+    truth = 1.0 / (1.0 + np.exp(-6.0 * (places[:-1, 0] - 0.5)))
+    actions = (generator.random(6000) < truth).astype(int)
+    log = [
+        Episode(places[k : k + 21], actions[k : k + 20], np.zeros(20), True, False)
+        for k in range(0, 6000, 20)
+    ]
+    fitted = FittedLog(log, 2, 0.99)
+    said = np.concatenate([fitted.told(episode).chances[:, 1] for episode in log])
+    assert np.abs(said - truth).mean() < 0.06
+
+
+def test_actions_at_random_have_the_chances_of_chance():
+    """No test is kept that tells nothing."""
+    generator = np.random.default_rng(4)
+    places, actions = generator.random((4001, 4)), generator.integers(3, size=4000)
+    log = [
+        Episode(places[k : k + 21], actions[k : k + 20], np.zeros(20), True, False)
+        for k in range(0, 4000, 20)
+    ]
+    fitted = FittedLog(log, 3, 0.99)
+    said = np.concatenate([fitted.told(episode).chances for episode in log])
+    assert np.abs(said - 1.0 / 3.0).max() < 0.03
+
+
 def test_a_gain_beyond_all_returns_is_no_gain():
     """Where the log's chances are wrong, weights of 200 made a loss of 10 a gain of 24,000."""
     judge = Judge(

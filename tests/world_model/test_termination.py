@@ -172,3 +172,18 @@ def test_pessimism_makes_bad_ends_likelier_and_good_ones_less_likely():
     assert good == sorted(good, reverse=True)
     assert bad[0] < bad[2]
     assert good[2] < good[0]
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_an_end_that_comes_by_chance_is_as_likely_as_it_was(sign):
+    """A share that many rows tell is no unknown place; of a few ends nobody knows."""
+    generator = np.random.default_rng(8)
+    X, y = generator.normal(size=(3000, 2)), generator.random(3000) < 0.01
+    ends, places = fit_termination(X, y), np.zeros((1, 2))
+    assert n_leaves(ends) == 1
+    for gap in (0.4, 0.99):
+        assert chances(ends.seen(X, sign * y, gap, sign), places) == pytest.approx(y.mean())
+    few = generator.permutation(np.arange(1000) < 2)
+    rare = fit_termination(X[:1000], few)
+    feared = chances(rare.seen(X[:1000], sign * few, 0.99, sign), places)
+    assert feared > 0.1 if sign > 0.0 else feared < 1e-4

@@ -37,6 +37,7 @@ from eutree.world_model.transitions import Transitions
 PRICE = 4.0  # of a parameter or a test, in units of deviance
 SURE = 14.0  # log-odds of a leaf all of whose rows agree
 FEW = 3  # rows of either kind below which no boundary is fitted
+MANY_ENDS = 10  # of a leaf without a boundary, that tell how likely one is
 SLACK = 1e-6  # more than rounding does to a sum of costs
 MOST_TESTS = 40
 MOST_ROWS = 8000
@@ -70,13 +71,17 @@ class TerminationTree:
 
         Thresholds move inside their gaps, and the log-odds by those of ``gap``: a place counts as
         an end where the fitted chance exceeds 1 - gap (``sign`` -1, for good ends: where it
-        exceeds gap). ``X`` [N, d] are o' of the rows, ``outcome`` [N] their kinds of end.
+        exceeds gap). Those of a share that many rows tell stay: they come by chance, and nothing
+        is unknown. ``X`` [N, d] are o' of the rows, ``outcome`` [N] their kinds of end.
         """
         threshold, lines = self.threshold.copy(), self.lines.copy()
-        for node in np.flatnonzero(self.feature >= 0):
-            x, kinds = X[self.rows[node], self.feature[node]], outcome[self.rows[node]]
-            threshold[node] = moved_to_better(x, kinds, float(threshold[node]), gap)
-        lines[:, -1] += sign * np.log(gap / (1.0 - gap))
+        for node, rows in enumerate(self.rows):
+            if self.feature[node] >= 0:
+                x, kinds = X[rows, self.feature[node]], outcome[rows]
+                threshold[node] = moved_to_better(x, kinds, float(threshold[node]), gap)
+            n_ends = np.count_nonzero(sign * outcome[rows] > 0)
+            if lines[node, :-1].any() or min(n_ends, rows.size - n_ends) < MANY_ENDS:
+                lines[node, -1] += sign * np.log(gap / (1.0 - gap))
         return replace(self, threshold=threshold, lines=lines)
 
 
