@@ -266,6 +266,31 @@ class Repeating(gymnasium.Wrapper):
         return first if first[2] or first[3] else self.env.step(action)
 
 
+class Masking(gymnasium.Wrapper):
+    """Forbids an action, as sb3-contrib's ActionMasker does."""
+
+    def action_masks(self):
+        return np.array([True, False])
+
+
+class Starting(gymnasium.Wrapper):
+    """Starts episodes elsewhere."""
+
+    def reset(self, *, seed=None, options=None):
+        return self.env.reset(seed=seed, options={"low": -0.2, "high": 0.2})
+
+
+class Shaping(gymnasium.RewardWrapper):
+    """Rewards what is nearer than before, which it forgets when an episode begins."""
+
+    def reset(self, **arguments):
+        self.last = 0.0
+        return self.env.reset(**arguments)
+
+    def reward(self, reward):
+        return reward + self.last
+
+
 def listening(env):
     """Return an environment in a wrapper of the name of Stable-Baselines3's Monitor."""
     module = {"__module__": "stable_baselines3.common.monitor"}
@@ -286,6 +311,8 @@ def scaled(env):
         lambda env: FlattenObservation(FrameStackObservation(env, 2)),
         lambda env: MaxAndSkipObservation(env, 4),
         lambda env: Repeating(env),
+        lambda env: Masking(env),
+        lambda env: RecordEpisodeStatistics(Starting(env)),
     ],
 )
 def test_what_a_wrapper_changes_no_spec_makes_again(wrapped):
@@ -300,6 +327,7 @@ def test_a_wrapper_that_changes_no_meaning_keeps_the_spec():
         RecordEpisodeStatistics(env),
         FlattenObservation(env),
         listening(env),
+        Shaping(env),
     ):
         assert spec_of(same).id == "CartPole-v1"
 

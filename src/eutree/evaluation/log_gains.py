@@ -80,7 +80,7 @@ class FittedLog:
         seen = np.hstack([rows, allowed]) if self._masked else rows
         chosen = allowed.sum(axis=1) > 1  # what is forced says nothing of preferences
         self._tree = _likely_tree(seen[chosen], actions[chosen], n_actions)
-        leaves = self._tree.leaf_index(seen[chosen])
+        leaves = self._tree.leaf_index(seen)[chosen]
         counts = np.ones((self._tree.n_leaves, n_actions))  # Laplace's: nothing is impossible
         np.add.at(counts, (leaves, actions[chosen]), 1.0)
         self._shares = _among_allowed(counts, leaves, allowed[chosen])  # [L, A]

@@ -190,8 +190,8 @@ def spec_of(env: gymnasium.Env[Any, Any]) -> EnvironmentSpec | None:
     registration: its time limit, also where a ``TimeLimit`` was put around it by hand, and
     whether it is checked; whether its observations are decoded; and the grid of its actions, unless
     the registered environment itself sees to these two. None if it was not made by
-    ``gymnasium.make``, or with arguments that no file holds, or if a wrapper around it changes
-    observations or actions: what was learned there means nothing without the wrapper.
+    ``gymnasium.make``, or with arguments that no file holds, or if a wrapper around it makes the
+    task another one: what was learned there means nothing without the wrapper.
     """
     spec = env.spec
     if spec is None:
@@ -223,32 +223,34 @@ def spec_of(env: gymnasium.Env[Any, Any]) -> EnvironmentSpec | None:
         return None
 
 
-# The ways to step that hand on the reward of each step of the environment inside, and no other.
-LEAVE_REWARDS = frozenset(
-    kind.step
-    for kind in (
-        gymnasium.Wrapper, gymnasium.ActionWrapper, gymnasium.ObservationWrapper,
-        wrappers.FrameStackObservation, wrappers.HumanRendering, wrappers.OrderEnforcing,
-        wrappers.PassiveEnvChecker, wrappers.RecordEpisodeStatistics, wrappers.RecordVideo,
-        wrappers.RenderCollection, wrappers.TimeAwareObservation, wrappers.TimeLimit,
-    )
+_HANDING_ON = (
+    gymnasium.Wrapper, gymnasium.ActionWrapper, gymnasium.ObservationWrapper,
+    wrappers.FrameStackObservation, wrappers.HumanRendering, wrappers.OrderEnforcing,
+    wrappers.PassiveEnvChecker, wrappers.RecordEpisodeStatistics, wrappers.RecordVideo,
+    wrappers.RenderCollection, wrappers.TimeAwareObservation, wrappers.TimeLimit,
 )  # fmt: skip
+# The ways to step that hand on the reward of each step of the environment inside, and no other, and
+# those to begin that leave its start.
+LEAVE_REWARDS = frozenset(kind.step for kind in _HANDING_ON)
+_LEAVE_STARTS = frozenset(kind.reset for kind in _HANDING_ON)
 
 
 def _changes_meanings(wrapper: gymnasium.Wrapper[Any, Any, Any, Any]) -> bool:
     """Return whether a wrapper makes a task another one, but for what a schema derives.
 
-    It may change observations, actions, or what a step is. One that rewards in another way does
-    not: who is to be told more of what to aim at is judged by the task's own rewards.
+    It may change observations, actions, which of them are allowed, where episodes start, or what a
+    step is. One that rewards in another way does not: who is to be told more of what to aim at is
+    judged by the task's own rewards.
     """
+    kind, rewards = type(wrapper), isinstance(wrapper, gymnasium.RewardWrapper)
+    listens = kind.__module__ == "stable_baselines3.common.monitor"
     return "_derivation" not in vars(wrapper) and (
         isinstance(wrapper, gymnasium.ObservationWrapper | gymnasium.ActionWrapper)
+        or hasattr(wrapper, "action_masks")
         or wrapper.observation_space is not wrapper.env.observation_space
         or wrapper.action_space is not wrapper.env.action_space
-        or (
-            type(wrapper).step not in LEAVE_REWARDS | {gymnasium.RewardWrapper.step}
-            and type(wrapper).__module__ != "stable_baselines3.common.monitor"  # it only listens
-        )
+        or not (listens or kind.step in LEAVE_REWARDS | {gymnasium.RewardWrapper.step})
+        or not (listens or rewards or kind.reset in _LEAVE_STARTS)
     )
 
 
