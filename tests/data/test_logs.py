@@ -181,6 +181,25 @@ def test_whole_numbers_far_apart_are_quantities(tmp_path, written, actions, numb
     assert shown.episodes[0].actions.tolist() == numbers
 
 
+@pytest.mark.parametrize(
+    ("written", "actions"),
+    [
+        (("off", "2", "2", "1", "1", "off"), ("off", "2", "1")),  # a fan's speeds
+        (("1", "off", "1", "off", "on", "on"), ("1", "off", "on")),
+    ],
+)
+def test_words_among_numbers_are_names_all_of_them(tmp_path, written, actions):
+    """A 2 was taken for the action with that index, whose name was 1."""
+    path = tmp_path / "log.csv"
+    rows = "".join(f"0,{action},{k}\n" for k, action in enumerate(written))
+    path.write_text(f"episode,action,x\n{rows}0,,9\n")
+    shown = Demonstrations.from_csv(path)
+    again = Demonstrations.from_csv(path, schema=shown.schema)
+    for demos in (shown, again):
+        assert demos.schema.actions == actions
+        assert [actions[k] for k in demos.episodes[0].actions] == list(written)
+
+
 def test_quantities_are_the_same_however_they_are_written(tmp_path):
     path = tmp_path / "log.csv"
     path.write_text("t;x;pump\n0;1;1,5\n1;2;0,75 \n2;3; 0\n3;4;0,0\n4;5;1.50\n5;6;\n")

@@ -35,6 +35,7 @@ from eutree.data.log_format import (
     LogFormat,
     NominalColumn,
     action_of,
+    are_named,
     are_quantities,
     column_of,
     hint,
@@ -341,8 +342,7 @@ class _Table:
 
     def read(self, schema: Schema | None) -> tuple[tuple[Episode, ...], Schema]:
         """Return the episodes and their schema, which is made of the table if it is not given."""
-        path = self._path
-        texts = self._texts(schema)
+        path, texts = self._path, self._texts(schema)
         with blamed(path):
             for column, known in self._categories.items():
                 self._chosen[column] = NominalColumn.of(column, tuple(known), schema)
@@ -354,7 +354,7 @@ class _Table:
         else:
             with blamed(path, "line 1"):
                 self._order = order_of(tuple(self._made_features()), schema)
-        by_name = bool(self._log.actions) or are_quantities({*texts}, self._names)
+        by_name = bool(self._log.actions) or are_named({*texts}, self._names, schema.actions)
         asked, wanted = self._log.actions, ", ".join(schema.actions)
         with blamed(path, "action"):
             if asked and {*asked} != {*schema.actions}:

@@ -1,7 +1,7 @@
 """How a machine's log is read: columns, times, text, actions, empty cells, unmarked episodes."""
 
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence, Set
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
@@ -204,6 +204,12 @@ def are_quantities(texts: Collection[str], names: Mapping[str, str]) -> bool:
     if not all(map(INDEX.fullmatch, texts)):
         return highest < 2**53  # above it two whole numbers may be one
     return highest >= max(2 * len(texts), SMALL)
+
+
+def are_named(texts: Set[str], names: Mapping[str, str], actions: Sequence[str]) -> bool:
+    """Return whether actions are said by name: as quantities, or by their names alone."""
+    words = texts <= {*actions} and not all(map(INDEX.fullmatch, texts))
+    return words or are_quantities(texts, names)
 
 
 def action_of(text: str, schema: Schema, by_name: bool) -> int:
