@@ -190,6 +190,7 @@ def main() -> None:
     parser.add_argument("--rooms", type=int, default=20)
     parser.add_argument("--out", type=Path, default=Path("docs/results"))
     options = parser.parse_args()
+    options.out.mkdir(parents=True, exist_ok=True)
     lines = [
         "| differences | steps | episodes | gain | wrong, range known | believed "
         "| wrong, range seen | believed | wrong, Student | believed |",

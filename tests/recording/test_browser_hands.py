@@ -162,6 +162,21 @@ def test_a_second_tap_on_change_leaves_the_key_as_it_was(chromium, tmp_path) -> 
         )
 
 
+def test_a_key_that_cannot_be_chosen_is_named(chromium, tmp_path) -> None:
+    with serving(tmp_path) as served:
+        person = Person(chromium, served).until(state="opening")
+        row = person.page.locator("#keys tr[data-action='0']")
+        keys = row.inner_text()
+        row.get_by_role("button", name="Change").click()
+        person.tap("Home")
+        told = person.page.get_by_text("Not changed: unknown key 'home'.")
+        told.wait_for()
+        assert row.inner_text() == keys
+        row.get_by_role("button", name="Change").click()
+        person.tap("k")
+        told.wait_for(state="detached")
+
+
 @pytest.mark.parametrize("key", ["Enter", "Space"])
 def test_enter_and_space_on_cancel_leave_the_key_as_it_was(chromium, tmp_path, key) -> None:
     """They were bound, the opposite of what the button says that has the focus."""

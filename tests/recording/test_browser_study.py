@@ -11,6 +11,7 @@ from eutree.recording import SessionSettings
 from eutree.schema import EnvironmentSpec
 from eutree_lab.study.archive import unpack
 from eutree_lab.study.lead import conduct
+from eutree_lab.study.plan import QUESTIONS
 from tests.recording.serving import in_a_thread
 from tests.recording.typists import FINDINGS, OUT_OF_SIGHT, PATIENCE, person_at
 
@@ -264,3 +265,57 @@ def test_a_long_word_stays_on_its_card(told) -> None:
     )
     assert page.evaluate(wide, "study") <= 0
     assert page.evaluate("() => document.documentElement.scrollWidth - innerWidth") <= 0
+
+
+@contextmanager
+def asked(chromium, folder, monkeypatch):
+    """Yield a person before the questions, and the guide."""
+    with studying(folder, monkeypatch) as (served, guide):
+        guide.part = QUESTIONS
+        person = person_at(chromium, served, "desk")
+        person.until(part="questions", role="acting")
+        yield person, guide
+
+
+def test_keys_of_the_task_are_letters_and_arrows_in_a_question(
+    chromium, tmp_path, monkeypatch
+) -> None:
+    """Of what was typed e, m, p, r, x, - and Space were missing, and no key chose on a scale."""
+    said = "He pressed e, r, m: x - +. 2"
+    with asked(chromium, tmp_path / "study", monkeypatch) as (person, guide):
+        page = person.page
+        page.get_by_label("Anything else?").last.click()
+        page.keyboard.type(said)
+        page.get_by_role("radio", name=re.compile(r"1\s*: not at all")).focus()
+        for key in ("Space", "ArrowRight", "ArrowDown"):
+            page.keyboard.press(key)
+        page.locator("input:checked[value='3']").wait_for()
+        page.wait_for_function("() => view.study.answers[0] === '3'")
+        assert guide.answers == ["3", "", said]
+
+
+def test_answers_of_a_broken_connection_are_told_again(chromium, tmp_path, monkeypatch) -> None:
+    with asked(chromium, tmp_path / "study", monkeypatch) as (person, guide):
+        page = person.page
+        page.get_by_role("radio", name="the tree", exact=True).check()
+        page.evaluate("() => { window.before = connect; connect = () => {}; socket.close(); }")
+        page.wait_for_function("() => document.body.dataset.connection === 'lost'")
+        page.get_by_role("radio", name="I", exact=True).check()
+        page.get_by_label("Anything else?").last.fill("said meanwhile")
+        page.evaluate("() => { connect = before; connect(); }")
+        page.wait_for_function("() => view.study.answers[2] === 'said meanwhile'")
+        assert guide.answers == ["", "I", "said meanwhile"]
+
+
+def test_a_page_that_watches_shows_the_answers_as_they_are(chromium, tmp_path, monkeypatch) -> None:
+    """Its fields were free, what was chosen there went nowhere, and stayed after taking over."""
+    with asked(chromium, tmp_path / "study", monkeypatch) as (person, _):
+        first = person.page
+        second = person.open().page
+        person.until(part="questions", role="watching")
+        assert second.locator("#questions :enabled:not(fieldset)").count() == 0
+        first.get_by_role("radio", name="the tree", exact=True).check()
+        second.locator("input:checked[value='the tree']").wait_for()
+        second.get_by_role("button", name="Take over").click()
+        second.get_by_role("radio", name="I", exact=True).check()
+        first.locator("input:checked[value='I']:disabled").wait_for()

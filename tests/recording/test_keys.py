@@ -92,6 +92,7 @@ def test_written_keys() -> None:
     assert (keys.keys, keys.idle) == (("a", "space"), 0)
     assert keys.action(["a", "space"], 0) == 1
     assert parse_keys("==1", SCHEMA).keys == ("+",)
+    assert parse_keys("+=1,-=0", SCHEMA).keys == ("+", "-")
 
 
 def test_a_name_may_have_commas_in_it() -> None:
@@ -118,6 +119,7 @@ def test_a_name_may_have_commas_in_it() -> None:
         ("left=lef", "Did you mean 'left'"),
         ("rihgt=1", "unknown key 'rihgt'. Did you mean 'right'"),
         ("none=1", "at least one action a key"),
+        ("left=0,left=2", "must give a key one action, got 'left=0,left=2'"),
     ],
 )
 def test_mistakes_are_named(text: str, message: str) -> None:
@@ -132,6 +134,12 @@ def test_a_key_chosen_for_an_action_leaves_no_other() -> None:
     assert keys.keys_of(2) == ["x"]
     assert keys.action(["right"], 0) == 1
     assert keys.with_key("left", 1).keys_of(0) == []
+
+
+def test_an_action_that_loses_its_key_has_the_one_that_is_free_now() -> None:
+    """The other action could not be taken any more, and no word was said."""
+    keys = parse_keys("left=0,right=2,a+left=1", SCHEMA).with_key("right", 0)
+    assert [keys.keys_of(action) for action in range(3)] == [["right"], ["a+left"], ["left"]]
 
 
 @given(

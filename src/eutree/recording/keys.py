@@ -98,15 +98,17 @@ class KeyMap:
         return sorted("+".join(sorted(keys)) for keys in smallest)
 
     def with_key(self, key: str, action: int) -> "KeyMap":
-        """Return the map in which ``key`` alone means ``action``, and no other key does."""
-        name = check_key(key)
-        others = tuple(
-            (keys, meaning)
-            for keys, meaning in self.combinations
-            if meaning != action and name not in keys
-        )
+        """Return the map in which ``key`` alone means ``action``, and no other key does.
+
+        An action that would be left without a key has the one that ``action`` had.
+        """
+        new, own = frozenset([check_key(key)]), self.keys_of(action)
+        others = [one for one in self.combinations if one[1] != action and not new & one[0]]
+        lost = {meaning for _, meaning in self.combinations} - {action, *(a for _, a in others)}
+        if len(lost) == len(own) == 1 and own[0] in self.keys:
+            others.append((frozenset(own), lost.pop()))
         idle = None if self.idle == action else self.idle
-        return KeyMap((*others, (frozenset([name]), action)), idle)
+        return KeyMap((*others, (new, action)), idle)
 
     def controls(self) -> dict[str, str]:
         """Return the key of each control command, none of them an action key."""
@@ -157,7 +159,10 @@ def parse_keys(text: str, schema: Schema) -> KeyMap:
         if keys.lower() == _NO_KEY:
             idle = number
         else:
-            combinations[frozenset(check_key(key) for key in keys.split("+"))] = number
+            names = keys.split("+") if len(keys) > 1 else [keys]
+            held = frozenset(check_key(key) for key in names)
+            if combinations.setdefault(held, number) != number:
+                raise InvalidArgumentError(f"keys must give a key one action, got {text!r}")
     if not combinations:
         raise InvalidArgumentError(f"keys must give at least one action a key, got {text!r}")
     return _with_idle(combinations, idle, schema, chosen=True)

@@ -226,9 +226,8 @@ class Session:
         elif name in ("keep", "drop") and isinstance(value, int | float) and value == int(value):
             self.recording.mark(int(value), kept=name == "keep")
         elif name == "bind" and self.state == OPENING and isinstance(value, int | float):
-            known = 0 <= int(value) < self.env.schema.n_actions
-            refused = play.controls.bind(command.key, int(value)) if known else ""
-            play.message = refused or play.message
+            if 0 <= int(value) < self.env.schema.n_actions:
+                play.message = play.controls.bind(command.key, int(value))
 
     def _wish(self, name: str, value: int, now: float) -> None:
         """Take up a wish for the demonstrations; segments cut or flipped are stored first."""

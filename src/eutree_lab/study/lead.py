@@ -362,7 +362,7 @@ class Study:
             "works": self.part in (parts.MAKING, parts.WAITING),
             "tells": self.part in (parts.MAKING, parts.WAITING, parts.THANKS) and not self._asks,
             "questions": msgspec.to_builtins(self._plan.questions) if asks else [],
-            "answers": self.answers if asks else [],
+            "answers": list(self.answers) if asks else [],
             "may_withdraw": self.part not in (parts.CONSENT, parts.DELETED) and not self._asks,
         }  # fmt: skip
 

@@ -244,9 +244,11 @@ addEventListener("keydown", (event) => {
   }
   const key = nameOf(event);
   if (!acts() || !used(key)) return;
-  const native = event.target.closest("button:not(.pad), select, summary");
-  if (native && (key === "enter" || key === "space" || native.tagName === "SELECT")
-      && !(runs() && !waits() && actionKeys().includes(key))) return;
+  // What has the focus keeps the keys that it knows: a field all, a part that scrolls those that act.
+  const native = event.target.closest("button:not(.pad), summary, select, input, textarea, [role=region]");
+  const presses = key === "enter" || key === "space", own = native?.matches("select, input, textarea")
+    || (native?.matches("[role=region]") ? !presses && !Object.values(view.controls || {}).includes(key) : presses);
+  if (native && own && !(runs() && !waits() && actionKeys().includes(key))) return;
   event.preventDefault();
   if (!event.repeat) press(key, place);
 });
@@ -355,12 +357,12 @@ function wordsThatGo(parent, ...children) {
 
 function show() {
   if (view.state !== "opening") binding = null; // no key is awaited behind the opening
-  const before = body.dataset.state;
+  const before = body.dataset.state, wasLost = body.dataset.connection === "lost";
   Object.assign(body.dataset, {
     state: view.state, role: view.role || "", connection: "open", saved: view.saved, step: view.step,
     episodes: (view.episodes || []).length, action: view.action, speed: view.speed,
   });
-  showStudy();
+  showStudy(wasLost);
   const watching = !acts();
   const nobody = view.role === "idle";
   banner(nobody ? "Nobody is acting. The page that did is closed."
@@ -397,6 +399,9 @@ function show() {
   const seen = view.driving && view.driving.is_over ? `over ${view.driving.number}` : "";
   if (seen && seen !== body.dataset.seen) announce($("title").textContent, $("text").textContent);
   body.dataset.seen = seen;
+  const refused = view.state === "opening" ? view.message || "" : "";
+  if (refused && refused !== body.dataset.refused) announce(refused);
+  body.dataset.refused = refused;
   if (before !== view.state) {
     if (runs() && !document.activeElement?.closest?.("select, .pad")) $("picture").focus();
     if (runs() && document.activeElement?.tagName === "SELECT") $("picture").focus();
@@ -686,7 +691,7 @@ function recordingCard() {
   const slow = view.is_slowed ? " It is shown slowly at first, because it is quick; see Pace." : "";
   return {
     opening: () => ["Show how it is done", view.task || "Act as you would have the machine act.",
-      `${keySentence()}${slow} ${enough ? `${so_far}.` : view.saved ? `${so_far}; this goes on with the next.` : "Failures may stay."}`],
+      `${view.message ? `Not changed: ${view.message} ` : ""}${keySentence()}${slow} ${enough ? `${so_far}.` : view.saved ? `${so_far}; this goes on with the next.` : "Failures may stay."}`],
     countdown: () => ["Get ready", begins ? `The episode begins with your first ${KEY}.`
       : `Hold the ${KEY} while it counts: what you hold counts from the first decision on.`, keySentence()],
     playing: () => [view.awaits_key ? `Press a ${KEY} to begin`

@@ -5,11 +5,20 @@
 
 function tell(name, place = 0, text = "") { send({ type: "tell", name, place, text }); }
 
+/* Answers of this page, by their places: those that a broken connection lost are told again. */
+const given = new Map();
+function answer(place, text) {
+  given.set(place, text);
+  tell("answer", place, text);
+}
+
 /* Whether a command may be given now. */
 function allowed(name) { return !view.study || view.study.allowed.includes(name); }
 
-function showStudy() {
+function showStudy(wasLost) {
   const study = view.study;
+  if (!acts()) given.clear(); // another page answers
+  if (wasLost) for (const [place, text] of given) tell("answer", place, text);
   body.dataset.study = !study ? "" : study.is_card ? "card" : "on";
   body.dataset.part = study ? study.part : "";
   if (!study) return;
@@ -28,7 +37,7 @@ function showStudy() {
     scrollTo(0, 0);
     $("study").focus();
   });
-  rebuild("questions", study.questions, () => words($("questions"), ...study.questions.map(question)));
+  rebuild("questions", [study.questions, acts() || study.answers], () => words($("questions"), ...study.questions.map(question)));
   $("study-work").hidden = !study.works || !view.tree;
   $("study-works").textContent = study.tells && view.tree ? view.tree.message : "";
   if (view.tree?.of) { $("study-work").max = view.tree.of; $("study-work").value = view.tree.finished; }
@@ -101,7 +110,8 @@ function question(asked, place) {
     field.setAttribute("aria-label", asked.text);
     field.maxLength = 400;
     field.value = view.study.answers[place];
-    field.addEventListener("input", () => tell("answer", place, field.value));
+    field.disabled = !acts();
+    field.addEventListener("input", () => answer(place, field.value));
     group.append(field);
     return group;
   }
@@ -113,7 +123,8 @@ function question(asked, place) {
     input.name = `question-${place}`;
     input.value = option;
     input.checked = view.study.answers[place] === option;
-    input.addEventListener("change", () => tell("answer", place, option));
+    input.disabled = !acts();
+    input.addEventListener("change", () => answer(place, option));
     label.append(input, document.createTextNode(option));
     const end = asked.choices.length ? "" : k === 0 ? asked.low : k === options.length - 1 ? asked.high : "";
     if (end) { // for the ear; the eye reads the ends of the scale below it
