@@ -317,8 +317,10 @@ def _change(report: "CompressionReport") -> str:
     before, after = report.n_leaves_before, report.n_leaves_after
     if before == after:
         better = "" if report.method != "return" else ", but a better one of that size"
-        smaller = any(one.policy.n_leaves < before for one in report.front)
+        smaller = [one for one in report.front if one.policy.n_leaves < before]
         found = "no smaller tree earns as much" if smaller else "no smaller tree was found"
+        if any(one.success_rate is not None for one in smaller):
+            found += " and succeeds as often"
         return f"still {counted(before, 'leaf')}: {found}{better}"
     return f"{counted(before, 'leaf')} became {after}"
 

@@ -225,9 +225,8 @@ class Session:
                 play.controls.add_turn(())
         elif name in ("keep", "drop") and isinstance(value, int | float) and value == int(value):
             self.recording.mark(int(value), kept=name == "keep")
-        elif name == "bind" and self.state == OPENING and isinstance(value, int | float):
-            if 0 <= int(value) < self.env.schema.n_actions:
-                play.message = play.controls.bind(command.key, int(value))
+        elif name == "bind" and self.state == OPENING and value in range(self.env.schema.n_actions):
+            play.message = play.controls.bind(command.key, int(value or 0))
 
     def _wish(self, name: str, value: int, now: float) -> None:
         """Take up a wish for the demonstrations; segments cut or flipped are stored first."""
