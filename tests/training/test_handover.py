@@ -9,6 +9,7 @@ import pytest
 import eutree
 from eutree.errors import InvalidArgumentError
 from eutree.evaluation import Evaluation
+from eutree.learners import History
 from eutree.policies import TreePolicy
 from eutree.schema import Schema
 from eutree.training import many
@@ -27,6 +28,7 @@ from eutree.training.handover import (
     judged,
 )
 from eutree.training.result import LearningResult
+from eutree.training.run import _own_returns
 from eutree.trees import DecisionTree
 
 
@@ -200,6 +202,33 @@ def test_a_rule_without_a_promise_would_take_them():
     chance = np.random.default_rng(0)
     means = (0.1 - 59.0 * (chance.random((60, 100)) < 0.004)).mean(axis=1)
     assert (means > 0.0).sum() > 30
+
+
+@pytest.mark.parametrize("seen", [None, (-450.0, 60.0), (45.0, 75.0)])
+def test_what_a_tree_lost_before_is_not_forgotten(seen):
+    """The run had seen -450 of the learned tree, and the duel's 40 pairs nothing below 50."""
+    game = Game(lambda _: 50.0, lambda chance: 68.0 + chance.uniform(-8.0, 8.0))
+    duel = Duel(START, LEARNED, game, most=40, steps=None, patience=20, seen=seen)
+    found = judge(Handover(), duel, (1, 2), known=None, challengers=0)
+    if seen is not None and seen[0] < 0.0:
+        assert (found.handed_over, found.why) == ("start", NOT_SHOWN)
+        assert "no episode returns less than -450" in found.condition
+    else:
+        assert (found.handed_over, found.why) == ("learned", EARNS_MORE)
+
+
+def test_own_episodes_of_a_tree_are_those_in_which_each_action_is_its_own():
+    history = History(1, 1)
+    played = [([0, 0], -7.0, True), ([0, 1], -90.0, True), ([0], -3.0, False), ([1], 5.0, True)]
+    for actions, earned, ends in played:
+        n = len(actions)
+        history.append_episode(
+            np.zeros((n + 1, 1)), np.array(actions), np.r_[earned, np.zeros(n - 1)],
+            np.zeros(n + 1, dtype=np.int32), terminated=ends,
+        )  # fmt: skip
+    assert _own_returns(history, START) == (-7.0, -7.0)  # it was cut short of two steps
+    assert _own_returns(history, START, LEARNED) == (-7.0, 5.0)
+    assert _own_returns(History(1, 1), START) is None
 
 
 def test_it_takes_no_more_steps_than_it_may():

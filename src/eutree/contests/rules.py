@@ -96,6 +96,8 @@ class NotWorse:
     most: int = 1000  # most pairs; after them the incumbent stays
     # Lowest and highest return of an episode; None where they are not known
     known: tuple[float, float] | None = None
+    # Those of other episodes of the two, which count where nothing is known
+    seen: tuple[float, float] | None = None
     blind: int = BLIND  # pairs below which nothing is shown where they are not known
     stake: float | None = None  # tuned on starts that are none of this contest; None for none
     # Pairs after which it goes on only while the challenger is clearly ahead; None for ``most``
@@ -105,7 +107,7 @@ class NotWorse:
         """Return more pairs to run; or who has won, once that is shown or hopeless."""
         gains = pairs(table[:, : self.most])
         n = gains.size
-        if (at := self.shown_after(gains, seen_range(table, self.known))) is not None:
+        if (at := self.shown_after(gains, seen_range(table, self.known, self.seen))) is not None:
             return Verdict(1, True, range(at))
         patient = n < self._patience
         if n >= self.most or self._hopeless(gains) or not (patient or self._clearly_ahead(gains)):

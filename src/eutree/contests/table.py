@@ -83,29 +83,34 @@ def pairs(table: Table) -> Floats:
     return gains[: int(unknown.argmax()) if unknown.any() else gains.size]
 
 
-def seen_range(table: Table, known: tuple[float, float] | None) -> tuple[float, float]:
+Range = tuple[float, float]
+
+
+def seen_range(table: Table, known: Range | None, seen: Range | None = None) -> Range:
     """Return the lowest and highest return of an episode: as known, and wider if seen wider.
+
+    ``seen`` are those of other episodes of the same trees.
 
     Where nothing is known and nothing was seen both are 0.
     """
     told = table[~np.isnan(table)]
-    ends = [] if known is None else [*known]
+    ends = [*(known or ()), *(seen or ())]
     if told.size:
         ends += [float(told.min()), float(told.max())]
     return (min(ends), max(ends)) if ends else (0.0, 0.0)
 
 
 def bounds_of_change(
-    table: Table, *, error: float = 0.05, known: tuple[float, float] | None = None
+    table: Table, *, error: float = 0.05, known: Range | None = None, seen: Range | None = None
 ) -> Bounds:
     """Return bounds of row 1's gain over row 0, true at any time and however rare losses.
 
     The table has the returns of both from common starts, shape [2, starts]. ``error`` is the chance
     that one of the two bounds is wrong, half of it for each; ``known`` the lowest and the highest
-    return of an episode, where they are known.
+    return of an episode, where they are known, ``seen`` those of other episodes of the two.
     """
     gains = pairs(table)
-    low, high = seen_range(table, known)
+    low, high = seen_range(table, known, seen)
     worst = low - high
     mean = float(gains.mean()) if gains.size else 0.0
     return Bounds(

@@ -392,6 +392,7 @@ def against(
     other: Evaluation,
     *,
     known: tuple[float, float] | None = None,
+    seen: tuple[float, float] | None = None,
     name: str = "",
 ) -> Against:
     """Compare two evaluations on the same episodes: same environment, seed and count.
@@ -400,6 +401,7 @@ def against(
         policy: Evaluation of the policy.
         other: Evaluation of the one beside it.
         known: Lowest and highest return that an episode can have; None if unknown.
+        seen: Lowest and highest return of other episodes of the two, if there are any.
         name: Name of the other.
 
     Raises:
@@ -414,7 +416,7 @@ def against(
         successes = np.stack([other.counted_successes, policy.counted_successes])
         bounds = bounds_of_change(successes.astype(np.float64), known=(0.0, 1.0))
         change, interval = bounds.mean, Interval(bounds.low, bounds.high)
-    bounds = bounds_of_change(np.stack([other.returns, policy.returns]), known=known)
+    bounds = bounds_of_change(np.stack([other.returns, policy.returns]), known=known, seen=seen)
     return Against(
         episodes=policy.episodes,
         better=int((policy.returns > other.returns).sum()),

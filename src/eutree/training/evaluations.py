@@ -290,11 +290,13 @@ class Evaluations:
         *,
         given: bool = True,
         tried: TreePolicy | None = None,
+        seen: Callable[..., tuple[float, float] | None] = lambda *trees: None,
     ) -> None:
         """Decide whether the result or the start is handed over, on episodes that chose nothing.
 
         The start ``first`` has less to say where nobody has ``given`` it. Without a front the one
-        that was ``tried`` last takes the place of the result if it earns more.
+        that was ``tried`` last takes the place of the result if it earns more. ``seen`` tells the
+        lowest and highest return of trees in the run.
         """
         self._state.whole = True
         self._room, picked, beside = self._left(), self.picked, (0, 0)
@@ -321,6 +323,7 @@ class Evaluations:
                 most=self._pairs(first, policy, most, arena, beyond=int(max(at.lived, FEW))),
                 patience=self._pairs(first, policy, most, arena),
                 steps=handover.steps(at.steps + at.racing_steps),
+                seen=None if arena.return_range else seen(first, policy),
             )
             sizes = first.n_leaves, policy.n_leaves
             known = arena.return_range

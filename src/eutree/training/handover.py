@@ -184,15 +184,16 @@ def judged(
     learned: Evaluation,
     *,
     known: tuple[float, float] | None = None,
+    seen: tuple[float, float] | None = None,
     challengers: int = 0,
     sizes: tuple[int, int] | None = None,
 ) -> Judgement:
     """Return the judgement of two evaluations on the same episodes.
 
-    ``known`` are the lowest and highest return of an episode; the ``sizes`` of both, in leaves, are
-    by default as the evaluations say.
+    ``known`` are the lowest and highest return of an episode, ``seen`` those of other episodes of
+    the two; the ``sizes`` of both, in leaves, are by default as the evaluations say.
     """
-    found = against(learned, start, known=known)
+    found = against(learned, start, known=known, seen=seen)
     sizes = sizes or (start.n_leaves or 0, learned.n_leaves or 0)
     return Judgement(
         episodes=found.episodes,
@@ -330,8 +331,10 @@ class Duel:
         most: int,
         steps: int | None,
         patience: int | None = None,
+        seen: tuple[float, float] | None = None,
     ) -> None:
         self._trees = (start, learned)
+        self.seen = seen
         self._play = play
         self._left = steps
         self._parts: tuple[list[Evaluation], list[Evaluation]] = ([], [])
@@ -382,7 +385,9 @@ def judge(
     wins = shown or (not given and best(duel.table[:, verdict.starts], sizes) == 1)
     if wins and duel.evaluations()[0].successes is not None:
         duel.extend(min(FOR_SUCCESS, duel.patience))
-    found = judged(*duel.evaluations(), known=known, challengers=challengers, sizes=sizes)
+    found = judged(
+        *duel.evaluations(), known=known, seen=duel.seen, challengers=challengers, sizes=sizes
+    )
     smaller = sizes[1] < sizes[0]
     if handover.max_leaves is not None and sizes[0] > handover.max_leaves:
         why = TOO_LARGE
@@ -419,6 +424,7 @@ def _rule(
         duel.extend(min(FEWEST // 3, duel.patience))
     low, high = seen_range(duel.table, known)
     margin = MARGIN * (high - low) if smaller else 0.0
+    low, high = seen_range(duel.table, known, duel.seen)
     # Most of two near trees' returns are equal, and few pairs show only what is plain: what shows
     # either soonest is a large stake.
     large = (smaller or duel.patience <= FEW) and high > low
@@ -428,6 +434,7 @@ def _rule(
         error=handover.error,
         most=duel.table.shape[1],
         known=known,
+        seen=duel.seen,
         stake=stake,
         patience=duel.patience,
     )

@@ -8,6 +8,7 @@ record the past; they never decide the next step.
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -292,8 +293,9 @@ class Run:
             self.evaluations.make_front(*known, self.keeping, _on_trial(self))
         else:
             given, tree = self.beginning.start.name in GIVEN, self.challenger()
+            seen = partial(_own_returns, self.learner.history)
             self.evaluations.judge(
-                first, tree, self.challengers, arena, given=given, tried=_on_trial(self)
+                first, tree, self.challengers, arena, given=given, tried=_on_trial(self), seen=seen
             )
 
 
@@ -309,6 +311,24 @@ def _on_trial(run: Run) -> TreePolicy | None:
     tree = None if tried is None else run._best(tried)
     too_large = tree is not None and tree.n_leaves > (handover.max_leaves or tree.n_leaves)
     return None if too_large else tree
+
+
+def _own_returns(history: History, *trees: TreePolicy) -> tuple[float, float] | None:
+    """Return the lowest and highest return of stored episodes in which one of the trees acts.
+
+    They are its own, whoever played them: each action is the tree's. Those that were cut short, or
+    of which steps are forgotten, are left out; None if there are no others.
+    """
+    if not history.size or history.forgetting is not None:
+        return None
+    found, known = np.empty(0), transitions_of(history, trees[0].schema.n_actions)
+    for one in trees:
+        rows = one.derivation.behind(known.observations)
+        if rows.shape[1] == one.tree.n_features:
+            others = one.decide(rows, known.allowed) != known.actions
+            own = np.add.reduceat(others, np.flatnonzero(known.first), dtype=np.int64) == 0
+            found = np.append(found, known.episode_returns[own & ~known.stopped])
+    return (float(found.min()), float(found.max())) if found.size else None
 
 
 def _masked(policy: TreePolicy, history: History) -> tuple[Floats, Booleans] | None:
