@@ -10,6 +10,7 @@ import pytest
 from gymnasium import spaces
 
 import eutree
+from eutree.compression.smaller_trees import merged
 from eutree.data import Demonstrations, Episode
 from eutree.data.demonstrations import derive
 from eutree.data.episode import allowed_in
@@ -446,3 +447,10 @@ def test_a_rule_changes_nothing_elsewhere_under_masks(seed):
     node = int(np.flatnonzero(policy.tree.feature >= 0)[0])
     moved = edit(policy, thresholds={node: float(policy.tree.threshold[node]) + 1e-9}).policy
     assert (decided_under_masks(moved)[1] == wanted).all()
+
+
+@pytest.mark.parametrize("seed", [1001, 1002])
+def test_what_is_learned_has_no_test_that_decides_nothing(seed):
+    """A leaf whose own action was never allowed decided as its sibling, and both stayed."""
+    result = eutree.learn("Light-v0", method="planning", steps=1600, seed=seed)
+    assert merged(result.policy).n_leaves == result.policy.n_leaves

@@ -280,6 +280,12 @@ class Starting(gymnasium.Wrapper):
         return self.env.reset(seed=seed, options={"low": -0.2, "high": 0.2})
 
 
+class Exploring(Starting):
+    """Starts elsewhere so that the task is learned everywhere."""
+
+    same_task = True
+
+
 class Shaping(gymnasium.RewardWrapper):
     """Rewards what is nearer than before, which it forgets when an episode begins."""
 
@@ -328,6 +334,7 @@ def test_a_wrapper_that_changes_no_meaning_keeps_the_spec():
         FlattenObservation(env),
         listening(env),
         Shaping(env),
+        Exploring(env),
     ):
         assert spec_of(same).id == "CartPole-v1"
 

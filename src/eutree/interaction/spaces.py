@@ -240,9 +240,10 @@ def _changes_meanings(wrapper: gymnasium.Wrapper[Any, Any, Any, Any]) -> bool:
 
     It may change observations, actions, which of them are allowed, where episodes start, or what a
     step is. One that rewards in another way does not: who is to be told more of what to aim at is
-    judged by the task's own rewards.
+    judged by the task's own rewards. Nor does one that begins elsewhere for the task's own sake.
     """
     kind, rewards = type(wrapper), isinstance(wrapper, gymnasium.RewardWrapper)
+    same = rewards or getattr(kind, "same_task", False)
     listens = kind.__module__ == "stable_baselines3.common.monitor"
     return "_derivation" not in vars(wrapper) and (
         isinstance(wrapper, gymnasium.ObservationWrapper | gymnasium.ActionWrapper)
@@ -250,7 +251,7 @@ def _changes_meanings(wrapper: gymnasium.Wrapper[Any, Any, Any, Any]) -> bool:
         or wrapper.observation_space is not wrapper.env.observation_space
         or wrapper.action_space is not wrapper.env.action_space
         or not (listens or kind.step in LEAVE_REWARDS | {gymnasium.RewardWrapper.step})
-        or not (listens or rewards or kind.reset in _LEAVE_STARTS)
+        or not (listens or same or kind.reset in _LEAVE_STARTS)
     )
 
 

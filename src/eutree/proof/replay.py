@@ -226,6 +226,8 @@ class BeginningThere(gymnasium.Wrapper[Any, Any, Any, Any]):
         InvalidArgumentError: A certificate has no starts, or they are no states of the environment.
     """
 
+    same_task = True  # what is learned from there is meant for all starts
+
     def __init__(
         self,
         env: gymnasium.Env[Any, Any],

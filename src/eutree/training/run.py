@@ -13,6 +13,7 @@ from functools import partial
 import numpy as np
 
 from eutree.arrays import Booleans, Floats, plain
+from eutree.compression.smaller_trees import merged
 from eutree.errors import InvalidArgumentError
 from eutree.evaluation import CurvePoint
 from eutree.interaction.episode import Stream
@@ -216,7 +217,7 @@ class Run:
             return within_kinds(self.keeping(self.racing.result))
         policy = (tried or self.learner.decisions()).policy(self.beginning.problem)
         if (known := _masked(policy, self.learner.history)) is not None:
-            policy = among_allowed(policy, *known)
+            policy = merged(among_allowed(policy, *known))
         policy = within_kinds(self.keeping(policy))
         seen = policy.derivation.behind(self.learner.history.observations)
         features = policy.schema.features
