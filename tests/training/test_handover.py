@@ -220,11 +220,12 @@ def test_what_a_tree_lost_before_is_not_forgotten(seen):
 def test_own_episodes_of_a_tree_are_those_in_which_each_action_is_its_own():
     history = History(1, 1)
     played = [([0, 0], -7.0, True), ([0, 1], -90.0, True), ([0], -3.0, False), ([1], 5.0, True)]
-    for actions, earned, ends in played:
+    for actions, earned, ends in [*played, ([0], -800.0, None)]:  # the last was shown
         n = len(actions)
         history.append_episode(
             np.zeros((n + 1, 1)), np.array(actions), np.r_[earned, np.zeros(n - 1)],
-            np.zeros(n + 1, dtype=np.int32), terminated=ends,
+            np.zeros(n + 1, dtype=np.int32), terminated=ends is not False,
+            demonstrated=ends is None,
         )  # fmt: skip
     assert _own_returns(history, START) == (-7.0, -7.0)  # it was cut short of two steps
     assert _own_returns(history, START, LEARNED) == (-7.0, 5.0)

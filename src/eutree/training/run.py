@@ -317,18 +317,20 @@ def _on_trial(run: Run) -> TreePolicy | None:
 def _own_returns(history: History, *trees: TreePolicy) -> tuple[float, float] | None:
     """Return the lowest and highest return of stored episodes in which one of the trees acts.
 
-    They are its own, whoever played them: each action is the tree's. Those that were cut short, or
-    of which steps are forgotten, are left out; None if there are no others.
+    They are its own, whoever played them: each action is the tree's. Those that were shown, in a
+    world that may reward otherwise, were cut short, or of which steps are forgotten, are left out;
+    None if there are no others.
     """
     if not history.size or history.forgetting is not None:
         return None
     found, known = np.empty(0), transitions_of(history, trees[0].schema.n_actions)
+    fit = ~known.stopped & ~history.demonstrated[known.first]
     for one in trees:
         rows = one.derivation.behind(known.observations)
         if rows.shape[1] == one.tree.n_features:
             others = one.decide(rows, known.allowed) != known.actions
             own = np.add.reduceat(others, np.flatnonzero(known.first), dtype=np.int64) == 0
-            found = np.append(found, known.episode_returns[own & ~known.stopped])
+            found = np.append(found, known.episode_returns[own & fit])
     return (float(found.min()), float(found.max())) if found.size else None
 
 
