@@ -98,6 +98,21 @@ def test_a_clear_lead_is_worth_a_few_episodes_more():
     assert 7 < found.episodes < 20
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_who_has_lost_no_pair_plays_on(seed):
+    """Ten pairs, of which a start that falls at times lost some, ended the run with the start."""
+
+    def falls(chance):
+        return 100.0 if chance.random() < 0.5 else 40.0
+
+    duel = duel_of(Game(falls, lambda _: 100.0, seed=seed), 11)
+    found = judge(Handover(), duel, (2, 2), known=(0.0, 100.0), challengers=0)
+    assert found.why == EARNS_MORE
+    assert 11 < found.episodes <= 60
+    level = duel_of(Game(falls, falls, seed=seed), 11)
+    assert judge(Handover(), level, (2, 2), known=(0.0, 100.0), challengers=0).episodes == 11
+
+
 @pytest.mark.parametrize(("gain", "known"), [(0.0, (-20.0, 60.0)), (-5.0, None)])
 def test_no_more_is_played_where_the_lead_is_not_clear(gain, known):
     duel = duel_of(Game(normal(10.0), normal(10.0 + gain)), 7)

@@ -24,6 +24,7 @@ from eutree.contests.table import NextEpisodes, Table, Verdict, pairs, seen_rang
 FIRST = 32  # pairs before a challenger is called hopeless
 HOPELESS = 2.33  # standard errors: 99 %, one-sided
 CLEARLY = 3.0  # standard errors ahead that are worth more pairs
+WON = 3  # pairs, and none lost, that are worth more: equal trees do so once in eight times
 GROWTH = 1.5  # of the pairs each time that more are asked for
 BLIND = 300  # pairs
 GUESS = 64  # episodes that a guess counts for
@@ -139,9 +140,14 @@ class NotWorse:
         return self.most if self.patience is None else min(self.patience, self.most)
 
     def _clearly_ahead(self, gains: Floats) -> bool:
-        """Return whether it looks as if a few pairs more would show what these do not."""
-        lead = Lead.of(gains)
-        return lead.pairs > 1 and lead.mean + self.margin > CLEARLY * lead.error
+        """Return whether it looks as if a few pairs more would show what these do not.
+
+        It does, too, of a challenger that has won some pairs and lost none, as one that never fails
+        beside one that fails at times: by standard errors that is seen late.
+        """
+        lead, unbeaten = Lead.of(gains), bool((gains >= 0.0).all())
+        won = unbeaten and np.count_nonzero(gains) >= WON
+        return lead.pairs > 1 and (won or lead.mean + self.margin > CLEARLY * lead.error)
 
     def _hopeless(self, gains: Floats) -> bool:
         """Return whether the challenger is clearly below the margin."""
