@@ -44,7 +44,7 @@ def assert_under(figure: int, ceiling: int) -> None:
     assert figure >= ceiling * (1 - SLACK) - 2, f"lower the ceiling of {ceiling} to {figure}"
 
 
-@pytest.mark.parametrize(("package", "ceiling"), [("eutree", 59_440), ("eutree_lab", 10_000)])
+@pytest.mark.parametrize(("package", "ceiling"), [("eutree", 59_460), ("eutree_lab", 10_000)])
 def test_lines_of_source(package: str, ceiling: int) -> None:
     """Targets: 42,000 lines of the core, then 40,000; 10,000 of the lab.
 
@@ -62,7 +62,7 @@ def test_lines_of_source(package: str, ceiling: int) -> None:
     of what is at stake under masks, of recorded steps on pages, and of processes in one folder; and
     for 80 of orders under masks in a compression, of the parts of an episode, and of folders of one
     run or of several; and for 100 of logs that end in place or number their actions otherwise, of
-    journals after a power cut, and of masks and successes that are said at times; and for 80 of
+    journals after a power cut, and of masks and successes that are said at times; and for 100 of
     losses that a run has seen, of ends and actions that come by chance, and of words among numbers.
     """
     assert_under(lines(files(package)), ceiling)

@@ -145,8 +145,8 @@ class NotWorse:
         It does, too, of a challenger that has won some pairs and lost none, as one that never fails
         beside one that fails at times: by standard errors that is seen late.
         """
-        lead, unbeaten = Lead.of(gains), bool((gains >= 0.0).all())
-        won = unbeaten and np.count_nonzero(gains) >= WON
+        lead = Lead.of(gains)
+        won = bool((gains >= 0.0).all()) and int(np.count_nonzero(gains)) >= WON
         return lead.pairs > 1 and (won or lead.mean + self.margin > CLEARLY * lead.error)
 
     def _hopeless(self, gains: Floats) -> bool:
