@@ -83,15 +83,13 @@ def pairs(table: Table) -> Floats:
     return gains[: int(unknown.argmax()) if unknown.any() else gains.size]
 
 
-Range = tuple[float, float]
-
-
-def seen_range(table: Table, known: Range | None, seen: Range | None = None) -> Range:
+def seen_range(
+    table: Table, known: tuple[float, float] | None, seen: tuple[float, float] | None = None
+) -> tuple[float, float]:
     """Return the lowest and highest return of an episode: as known, and wider if seen wider.
 
-    ``seen`` are those of other episodes of the same trees.
-
-    Where nothing is known and nothing was seen both are 0.
+    ``seen`` are those of other episodes of the same trees. Where nothing is known and nothing
+    was seen both are 0.
     """
     told = table[~np.isnan(table)]
     ends = [*(known or ()), *(seen or ())]
@@ -101,7 +99,11 @@ def seen_range(table: Table, known: Range | None, seen: Range | None = None) -> 
 
 
 def bounds_of_change(
-    table: Table, *, error: float = 0.05, known: Range | None = None, seen: Range | None = None
+    table: Table,
+    *,
+    error: float = 0.05,
+    known: tuple[float, float] | None = None,
+    seen: tuple[float, float] | None = None,
 ) -> Bounds:
     """Return bounds of row 1's gain over row 0, true at any time and however rare losses.
 

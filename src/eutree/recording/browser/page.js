@@ -189,6 +189,15 @@ function nameOf(event) {
   return used(typed) || !used(place) ? typed : place;
 }
 
+/* Whether what has the focus does something of its own with a key: a field with all, a button with
+   those that press it, a part that scrolls with those that act. */
+function knows(element, key) {
+  if (element.matches("select, input, textarea")) return true;
+  const presses = key === "enter" || key === "space";
+  if (!element.matches("[role=region]")) return presses;
+  return !presses && !Object.values(view.controls || {}).includes(key);
+}
+
 function press(key, source) {
   if (down.has(key)) { down.get(key).add(source); return; }
   down.set(key, new Set([source]));
@@ -244,11 +253,8 @@ addEventListener("keydown", (event) => {
   }
   const key = nameOf(event);
   if (!acts() || !used(key)) return;
-  // What has the focus keeps the keys that it knows: a field all, a part that scrolls those that act.
   const native = event.target.closest("button:not(.pad), summary, select, input, textarea, [role=region]");
-  const presses = key === "enter" || key === "space", own = native?.matches("select, input, textarea")
-    || (native?.matches("[role=region]") ? !presses && !Object.values(view.controls || {}).includes(key) : presses);
-  if (native && own && !(runs() && !waits() && actionKeys().includes(key))) return;
+  if (native && knows(native, key) && !(runs() && !waits() && actionKeys().includes(key))) return;
   event.preventDefault();
   if (!event.repeat) press(key, place);
 });
