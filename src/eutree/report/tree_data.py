@@ -54,7 +54,7 @@ def tree_data(
     recorded = () if demonstrations is None else demonstrations.episodes
     n_numbers = (policy.history + 1) * sum(one.episode.observations.size for one in episodes)
     digits = EXACT if n_numbers <= MOST_EXACT else SHORT
-    is_masked = any(one.episode.allowed is not None for one in episodes)
+    is_masked = policy.masked or any(one.episode.allowed is not None for one in episodes)
     statistics = None
     if policy.leaves is not None:
         statistics = {
@@ -187,9 +187,13 @@ def _masks(allowed: Booleans) -> list[str]:
     return ["".join(map(str, row)) for row in allowed.astype(int).tolist()]
 
 
-def _on_their_side(policy: TreePolicy, features: Floats, digits: int) -> list[list[float | None]]:
-    """Return numbers with some digits, or with all where a test would go the other way."""
-    shown, tree = _rounded(features, digits), policy.tree
+def _on_their_side(policy: TreePolicy, features: Floats, digits: int) -> list[list[Any]]:
+    """Return numbers with some digits, or with all where a test would go the other way.
+
+    NaN is None, and an infinite one a word: JSON has neither.
+    """
+    tree = policy.tree
+    shown: list[list[Any]] = _rounded(features, digits)
     values = np.array(shown, dtype=np.float64).reshape(features.shape)  # NaN for None
     for node in np.flatnonzero(tree.feature != tree.NO_FEATURE).tolist():
         column, threshold = int(tree.feature[node]), tree.threshold[node]
@@ -197,6 +201,8 @@ def _on_their_side(policy: TreePolicy, features: Floats, digits: int) -> list[li
         went = np.isfinite(exact) & ((exact <= threshold) != (values[:, column] <= threshold))
         for row in np.flatnonzero(went).tolist():
             shown[row][column] = float(exact[row])
+    for row, column in np.argwhere(np.isinf(features)).tolist():
+        shown[row][column] = "Infinity" if features[row, column] > 0 else "-Infinity"
     return shown
 
 

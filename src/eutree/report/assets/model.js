@@ -61,15 +61,17 @@ function leafOf(observation) {
   return tree.leaf[node];
 }
 
+const endless = new Map([[Infinity, "∞"], [-Infinity, "-∞"]]);
+
 /** Return a number with four significant digits, as people write it; what only rounding left is 0. */
 function short(value) {
-  if (value === null || !Number.isFinite(value)) return "unknown";
+  if (!Number.isFinite(value)) return endless.get(value) ?? "unknown";
   return Math.abs(value) < 1e-12 ? "0" : String(Number(value.toPrecision(4)));
 }
 
 /** Return a value of a feature in the digits that matter. */
 function digits(value, feature) {
-  if (value === null || !Number.isFinite(value)) return "unknown";
+  if (!Number.isFinite(value)) return endless.get(value) ?? "unknown";
   return String(Number(value.toFixed(features[feature].decimals)) + 0);
 }
 
@@ -85,7 +87,7 @@ const withUnit = (text, feature) => (features[feature].unit ? `${text} ${feature
 /** Return a value of a feature as it is called: a category, yes or no, or a number with its unit. */
 function valueWords(value, feature) {
   const one = features[feature];
-  if (value !== null && (one.flag || one.group)) return value > 0 ? "yes" : "no";
+  if (Number.isFinite(value) && (one.flag || one.group)) return value > 0 ? "yes" : "no";
   return one.categories?.[value - one.low] ?? withUnit(digits(value, feature), feature);
 }
 
@@ -195,10 +197,33 @@ function stepsByLeaf(episodes) {
 /* The policy as it came; `tree.threshold` and `data.leafActions` change with what a person edits. */
 const original = { threshold: [...tree.threshold], leafActions: [...data.leafActions] };
 for (const episode of data.episodes) episode.recorded = episode.leaves;
-const valuesOf = (row) => row.map((value) => value ?? NaN);
+const valuesOf = (row) => row.map((value) => (value === null ? NaN : Number(value))); // infinite ones are words
 const isMoved = () => tree.threshold.some((threshold, node) => threshold !== original.threshold[node]);
+const isKept = (leaf) => data.leafActions[leaf] === original.leafActions[leaf];
+const isRelabelled = () => !nodeOfLeaf.every((_, leaf) => isKept(leaf));
 
-let statistics, episodeSteps, demonstrationSteps;
+/** Return the order in which a leaf prefers the actions under masks, its own first, once it is edited.
+ *
+ * One that keeps its action keeps its order, as in `with_actions` of `eutree.policies.reach`; that of
+ * others follows from what is known, as in `orders_of` of `eutree.policies.leaf_statistics`. */
+function orderOf(leaf) {
+  if (isKept(leaf)) return data.orders[leaf];
+  const { values, visits } = data.document.leaves[leaf];
+  const near = pathTo(nodeOfLeaf[leaf]).reverse().map((node) => { // leaves of each action below the nodes above
+    const counts = actions.map(() => 0);
+    for (const other of leavesBelow(node)) counts[data.leafActions[other]]++;
+    return counts;
+  });
+  const keys = actions.map((_, action) => {
+    const isOwn = action === data.leafActions[leaf], known = values?.[action] ?? null;
+    const level = near.filter((counts) => counts[action] === 0).length; // they never fall on the way up
+    return [isOwn ? 0 : 1, known === null ? 1 : 0, -(known ?? 0), -(visits?.[action] ?? 0), level, -(near[level]?.[action] ?? 0), action];
+  });
+  const compare = (one, other) => one.map((key, k) => key - other[k]).find((difference) => difference !== 0) ?? 0;
+  return keys.sort(compare).map((key) => key[key.length - 1]);
+}
+
+let statistics, episodeSteps, demonstrationSteps, orders;
 const visitsOf = new Array(nNodes).fill(0);
 
 /** Count anew what fell in which leaf; counts from other boxes say nothing once a test is moved. */
@@ -208,6 +233,7 @@ function recount() {
     episode.leaves = moved ? episode.observations.map((row) => leafOf(valuesOf(row))) : episode.recorded;
   }
   statistics = moved ? null : data.leaves;
+  orders = data.orders && nodeOfLeaf.map((_, leaf) => orderOf(leaf));
   episodeSteps = stepsByLeaf(data.episodes);
   demonstrationSteps = stepsByLeaf(moved ? [] : data.demonstrations);
   const leafVisits = data.visits ? data.visits : statistics
@@ -221,15 +247,14 @@ function recount() {
 }
 recount();
 
-/** Return a leaf's first action that a mask of 0 and 1, if there is one, allows. */
-function allowedIn(leaf, first, mask) {
-  return !mask || mask[first] === "1" ? first : data.orders[leaf].find((action) => mask[action] === "1");
-}
+/** Return the first action of an order that a mask of 0 and 1 allows. */
+const allowedIn = (order, mask) => order.find((action) => mask[action] === "1");
 
 /** Return what the policy decides at a step of an episode as it came, and as it is now. */
 function decisions(episode, step) {
   const [before, after, mask] = [episode.recorded[step], episode.leaves[step], episode.allowed?.[step]];
-  return [allowedIn(before, original.leafActions[before], mask), allowedIn(after, data.leafActions[after], mask)];
+  if (!mask) return [original.leafActions[before], data.leafActions[after]];
+  return [allowedIn(data.orders[before], mask), allowedIn(orders[after], mask)];
 }
 
 const shareOf = (node) => visitsOf[node] / Math.max(1, visitsOf[0]);
@@ -279,7 +304,7 @@ const ranges = features.map((feature, index) => {
   let low = Infinity;
   let high = -Infinity;
   const see = (value) => {
-    if (value === null) return;
+    if (!Number.isFinite(value)) return;
     low = Math.min(low, value);
     high = Math.max(high, value);
   };

@@ -66,14 +66,14 @@ function drawStep() {
     `Step ${step} of ${lastStep()}: `, action,
     step < lastStep() ? `, ${decided(episode, step)}leaf ${episode.leaves[step]}, return so far ${soFar}` : `, return ${soFar}`,
   );
-  drawObservation(episode.observations[step]);
+  drawObservation(observationNow());
 }
 
 /** Draw each value where it lies between its bounds. */
 function drawObservation(values) {
   const rows = values.flatMap((value, feature) => {
     const [low, high] = ranges[feature];
-    const x = value === null ? 0 : 100 * Math.min(1, Math.max(0, (value - low) / (high - low)));
+    const x = Number.isNaN(value) ? 0 : 100 * Math.min(1, Math.max(0, (value - low) / (high - low)));
     const bar = drawing("svg", { viewBox: "0 0 100 10", preserveAspectRatio: "none", "aria-hidden": "true" },
       drawing("line", { x1: 0, x2: 100, y1: 5, y2: 5, stroke: "var(--line)", "stroke-width": 4 }),
       drawing("rect", { x: Math.min(98, Math.max(0, x - 1)), y: 0, width: 2, height: 10, fill: "var(--live)" }));

@@ -148,25 +148,41 @@ function changedSteps() {
   return { total, groups: [...found.values()].sort((a, b) => b.steps.length - a.steps.length) };
 }
 
+/** Return whether an observation within the bounds, and of the kinds of the features, lies in a box. */
+function isPossible(box) {
+  const groups = new Map();
+  const fits = box.every(([low, high], feature) => {
+    const bounds = features[feature];
+    const top = Math.min(high, bounds.high ?? Infinity);
+    if (bounds.group) groups.set(bounds.group, [...(groups.get(bounds.group) ?? []), [low, high]]);
+    if (bounds.whole) return Math.floor(top) >= Math.max(Math.floor(low) + 1, bounds.low ?? -Infinity);
+    return top > low && top >= (bounds.low ?? -Infinity);
+  });
+  // Of a group one is 1: not two that have to be, nor none that can be.
+  return fits && [...groups.values()].every((members) =>
+    members.filter(([low]) => low >= 0).length < 2 && members.some(([, high]) => high >= 1));
+}
+
 /** Return the leaves that observations within the bounds reached before, and none reaches now. */
 function lostLeaves() {
   const now = [...tree.threshold];
   const reached = (threshold) => {
     tree.threshold = threshold;
-    return nodeOfLeaf.map((node) => boxOf(node).every(([low, high], feature) => {
-      const bounds = features[feature];
-      const top = Math.min(high, bounds.high ?? Infinity);
-      return top > low && top >= (bounds.low ?? -Infinity);
-    }));
+    return nodeOfLeaf.map((node) => isPossible(boxOf(node)));
   };
   const before = reached(original.threshold);
   const after = reached(now);
   return [...before.keys()].filter((leaf) => before[leaf] && !after[leaf]);
 }
 
+/* The places that tell of a certificate, the last fact of the head and a section: it is of the policy as it came. */
+const certified = byId("certificate") ? [[...document.querySelectorAll(".head .facts")].pop(), byId("certificate")] : [];
+
 /** Say what the changes do to the recorded steps. */
 function drawEffects() {
   const edit = edits();
+  const isOther = isMoved() || isRelabelled();
+  for (const place of certified) place.hidden = isOther;
   byId("effects").hidden = !edit.length && !earlier.length;
   byId("undo").disabled = byId("start-over").disabled = !earlier.length;
   byId("download").disabled = byId("copy").disabled = !edit.length;
@@ -183,6 +199,7 @@ function drawEffects() {
       : "No episode is recorded on this page, so nothing can be compared.";
   byId("effects-words").replaceChildren(
     element("p", {}, words),
+    ...(certified.length && isOther ? [element("p", {}, "The certificate is of the policy as it came: of this one nothing is proven.")] : []),
     element("ul", { class: "conditions" }, ...groups.slice(0, 6).map(groupWords),
       ...(groups.length > 6 ? [element("li", { class: "quiet" }, `and ${groups.length - 6} more`)] : []),
       ...lostLeaves().map((leaf) => element("li", {}, `No observation reaches leaf ${leaf} any more.`))));
@@ -301,7 +318,9 @@ function checksumOf(content) {
 /** Return the content of the edited policy's file. */
 function editedFile() {
   const policy = structuredClone(data.document);
-  const moved = isMoved();
+  // Counts of other boxes say nothing, but under masks they are what is fallen back on.
+  const uncounted = isMoved() && !policy.masked ? ["visits", "values", "deviations"] : [];
+  const isRanked = policy.masked && isRelabelled();
   policy.nodes.forEach((node, index) => {
     if (!isLeaf(index)) node.threshold = tree.threshold[index];
   });
@@ -309,7 +328,8 @@ function editedFile() {
     leaf.action = data.leafActions[number];
     if (locked[number]) leaf.locked = true;
     else delete leaf.locked;
-    if (moved) for (const name of ["visits", "values", "deviations"]) delete leaf[name];
+    for (const name of uncounted) delete leaf[name];
+    if (isRanked) leaf.ranks = actions.map((_, action) => (isKept(number) ? data.orders[number].indexOf(action) : 0));
   });
   policy.checksum = checksumOf(policy);
   return `${JSON.stringify(policy, null, 1)}\n`;

@@ -15,7 +15,7 @@ function rectangles(x, y, observation) {
       continue;
     }
     const feature = tree.feature[node];
-    const at = tree.threshold[node];
+    const at = features[feature].whole ? Math.floor(tree.threshold[node]) + 0.5 : tree.threshold[node]; // as `under` rounds
     if (feature === x) {
       if (left <= at) work.push([tree.left[node], left, Math.min(right, at), low, high]);
       if (right > at) work.push([tree.right[node], Math.max(left, at), right, low, high]);
@@ -117,8 +117,9 @@ function under(event) {
   observation[y] = fromY(event.offsetY);
   const inside = [x, y].every((feature) => observation[feature] >= ranges[feature][0] && observation[feature] <= ranges[feature][1]);
   if (!inside) return null;
+  for (const feature of [x, y]) if (features[feature].whole) observation[feature] = Math.round(observation[feature]);
   const leaf = leafOf(observation);
-  const place = [x, y].map((feature) => withUnit(`${features[feature].name} ${digits(observation[feature], feature)}`, feature)).join(", ");
+  const place = [x, y].map((feature) => `${features[feature].name} ${valueWords(observation[feature], feature)}`).join(", ");
   return { leaf, words: `${place}: ${actions[data.leafActions[leaf]]} (leaf ${leaf})` };
 }
 

@@ -44,10 +44,12 @@ function visibleNodes() {
   return found;
 }
 
-/** Return the two lines on a test: its feature, its threshold. */
+/** Return the two lines on a test, the words that `answerOf` answers: what is asked about, and what
+ * of it. The first is empty where the words are a name alone, as those of a flag are. */
 function linesOf(node) {
-  const feature = tree.feature[node];
-  return [cut(features[feature].name, 24), cut(withUnit(testOf(node), feature), 24)];
+  const words = wordsOf(node), { group, name } = features[tree.feature[node]];
+  const start = `${group || name} `;
+  return words.startsWith(start) ? [cut(start.trimEnd(), 24), cut(words.slice(start.length), 24)] : ["", cut(words, 24)];
 }
 
 /** Return what a leaf did before, in a few words; nothing where it decides as before. */
@@ -180,12 +182,12 @@ function drawNode(node, { x, y, width }) {
   return group;
 }
 
-/** Return both lines on a test. */
+/** Return the lines on a test. */
 function drawLines(node, x) {
   const [name, bound] = linesOf(node);
   return [
-    drawing("text", { class: "name", x, y: -5, "text-anchor": "middle" }, name),
-    drawing("text", { class: "bound", x, y: 14, "text-anchor": "middle" }, bound),
+    ...(name ? [drawing("text", { class: "name", x, y: -5, "text-anchor": "middle" }, name)] : []),
+    drawing("text", { class: "bound", x, y: name ? 14 : 5, "text-anchor": "middle" }, bound),
   ];
 }
 
