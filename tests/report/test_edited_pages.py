@@ -13,7 +13,7 @@ from eutree.inspection import edit
 from eutree.policies import LeafStatistics, TreePolicy
 from eutree.proof import Certificate
 from eutree.report import WatchedEpisode, policy_page
-from eutree.schema import Feature, Schema
+from eutree.schema import EnvironmentSpec, Feature, Schema
 from eutree.trees import DecisionTree
 from eutree.trees.text import asked
 from tests.report.browser import ENOUGH, Opened, open_page
@@ -185,3 +185,17 @@ def test_infinite_numbers_stay_on_their_side_of_a_moved_test(show: Show) -> None
     assert opened.page.evaluate("data.episodes[0].leaves.slice(0, 3)") == (
         policy.tree.leaf_index(rows[:-1]).tolist()
     )
+
+
+def test_a_download_keeps_every_argument_of_the_environment(show: Show) -> None:
+    """Whole numbers above 2^53 were others, and the checksum was that of the others."""
+    known = EnvironmentSpec(
+        "own/Task-v0", {"key": 2**60 + 1, "name": '"environment": null', "x": 1.0}
+    )
+    policy = replace(masked_policy(statistics=True), environment=known)
+    made = show(policy).page.evaluate(
+        "change((policy) => { policy.leafActions[1] = 3; }), editedFile()"
+    )
+    got = TreePolicy.from_bytes(made.encode())
+    assert got.environment == known
+    assert got == edit(policy, actions={1: "d"}).policy

@@ -63,6 +63,7 @@ def tree_data(
             "deviations": _rounded(policy.leaves.deviations),
             "meaning": policy.leaves.meaning,
         }
+    document = _document(policy)
     return {
         "tree": {name: getattr(tree, name).tolist() for name in names}
         | {"threshold": plain(tree.threshold)},
@@ -75,7 +76,8 @@ def tree_data(
         "orders": policy.orders.tolist() if is_masked else None,
         "leaves": statistics,
         "changes": {str(leaf): change.facts() for leaf, change in (changes or {}).items()},
-        "document": _document(policy),
+        "document": document,
+        "environment": json.dumps(document and document["environment"]),
         "episodes": [
             _episode(policy, watched.episode, whole=True, digits=digits) | {"by": watched.by}
             for watched in episodes

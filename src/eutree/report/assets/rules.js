@@ -332,7 +332,9 @@ function editedFile() {
     if (isRanked) leaf.ranks = actions.map((_, action) => (isKept(number) ? data.orders[number].indexOf(action) : 0));
   });
   policy.checksum = checksumOf(policy);
-  return `${JSON.stringify(policy, null, 1)}\n`;
+  // The environment goes as it came: its arguments may hold whole numbers that no number of a page can.
+  const text = JSON.stringify({ ...policy, environment: null }, null, 1);
+  return `${text.replace('"environment": null', () => `"environment": ${data.environment}`)}\n`;
 }
 
 byId("rules-fold").addEventListener("toggle", drawRules);
