@@ -223,3 +223,11 @@ def test_a_step_for_one_feature_leaves_the_others_alone():
     policy = TreePolicy(tree, np.array([0, 1, 0]), Schema.anonymous(2, 2))
     found = rounded(policy, np.random.default_rng(0).random((50, 2)), {0: 0.1})
     assert sorted(found.tree.threshold[found.tree.feature >= 0]) == [0.1234, 0.5]
+
+
+def test_a_range_that_the_episodes_refute_is_not_known():
+    """It was replaced by the worst that was seen, which the report called known."""
+    stated = RealEpisodes(Corridor(), margin=0.5, episodes=40, return_range=(0.0, 1.0))
+    _, report = compress(BUSY, PLACES, env=stated)
+    assert report.return_range[1] > 1.0
+    assert not report.range_known

@@ -158,6 +158,17 @@ def test_a_method_that_asks_for_no_judgement_says_so_where_it_hands_over_what_is
     assert "This method hands over what it learned, whatever it earns" in words
 
 
+def test_where_the_range_of_returns_is_known_no_judgement_has_a_condition():
+    """That of methods which ask for none had one all the same."""
+    options = {**SHORT, "return_range": (-100.0, 100.0)}
+    shown = eutree.record(Corridor(), lambda env: policy_of(0, 5.0, 1), episodes=5, seed=1)
+    result = eutree.learn(
+        Corridor(), demonstrations=shown, expert=WRONG, method="paper", episodes=4, **options
+    )
+    assert result.against_start.episodes > 0
+    assert result.against_start.condition == ""
+
+
 def test_one_pair_is_one_episode_and_no_end_of_an_interval_is_a_negative_zero():
     found = judged(evaluation([5.0]), evaluation([5.0]))
     words = found.describe(5)

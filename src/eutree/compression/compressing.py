@@ -176,7 +176,6 @@ def compress(
     return result, report_on(
         policy, result, method, costs, verdict,
         environment_steps=ground.steps,
-        range_known=demand.known_range is not None,
         episodes_needed=too_few,
         imagined=scores,
         rounding=played,

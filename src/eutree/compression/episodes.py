@@ -260,6 +260,7 @@ class Comparison:
     mean_return_after: float  # of the other policy
     return_change: Estimate  # after minus before; its bounds hold for all returns in the range
     return_range: tuple[float, float]  # lowest and highest return, as known or as seen
+    range_known: bool  # what was seen may refute what was known
 
     @classmethod
     def of(cls, before: Floats, after: Floats, demand: Demand) -> "Comparison":
@@ -271,7 +272,8 @@ class Comparison:
             known = (min(float(table.min()), most - demand.blind_width), most)
         found = bounds_of_change(table, error=2 * demand.error, known=known)
         change = Estimate(found.mean, Interval(found.low, found.high), before.size)
-        return cls(float(before.mean()), float(after.mean()), change, found.range)
+        is_known = demand.known_range is not None and found.known
+        return cls(float(before.mean()), float(after.mean()), change, found.range, is_known)
 
 
 def meet(policy: TreePolicy, other: TreePolicy, ground: Ground, demand: Demand) -> Comparison:

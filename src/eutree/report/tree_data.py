@@ -194,8 +194,7 @@ def _on_their_side(policy: TreePolicy, features: Floats, digits: int) -> list[li
 
     NaN is None, and an infinite one a word: JSON has neither.
     """
-    tree = policy.tree
-    shown: list[list[Any]] = _rounded(features, digits)
+    shown, tree = _rounded(features, digits), policy.tree
     values = np.array(shown, dtype=np.float64).reshape(features.shape)  # NaN for None
     for node in np.flatnonzero(tree.feature != tree.NO_FEATURE).tolist():
         column, threshold = int(tree.feature[node]), tree.threshold[node]
@@ -219,7 +218,7 @@ def policy_features(policy: TreePolicy, episode: Episode) -> Floats:
     return policy.features.of_episode(observations, episode.actions)
 
 
-def _rounded(matrix: Floats, digits: int = SHORT) -> list[list[float | None]]:
+def _rounded(matrix: Floats, digits: int = SHORT) -> list[list[Any]]:
     """Return numbers with some significant digits; NaN becomes None."""
     return [
         [float(f"{value:.{digits}g}") if np.isfinite(value) else None for value in row]

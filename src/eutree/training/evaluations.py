@@ -312,7 +312,8 @@ class Evaluations:
             pair = [self._evaluated(one, self._fresh, arena) for one in (first, policy)]
             both = range(min(one.episodes for one in pair))  # the clock may have allowed for less
             pair = [one.of_episodes(both) for one in pair]
-            judgement = replace(judged(*pair, challengers=challengers), why=AS_LEARNED)
+            found = judged(*pair, known=arena.return_range, challengers=challengers)
+            judgement = replace(found, why=AS_LEARNED)
         else:
             at, seed = self._state.at, self._seed(self._fresh)
             most = handover.pairs(at.episode)
