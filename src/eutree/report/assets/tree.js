@@ -48,8 +48,9 @@ function visibleNodes() {
  * of it. The first is empty where the words are a name alone, as those of a flag are. */
 function linesOf(node) {
   const words = wordsOf(node), { group, name } = features[tree.feature[node]];
-  const start = `${group || name} `;
-  return words.startsWith(start) ? [cut(start.trimEnd(), 24), cut(words.slice(start.length), 24)] : ["", cut(words, 24)];
+  const about = group || name;
+  if (!words.startsWith(`${about} `)) return ["", cut(words, 24)];
+  return [cut(about, 24), cut(words.slice(about.length + 1), 24)];
 }
 
 /** Return what a leaf did before, in a few words; nothing where it decides as before. */
